@@ -77,6 +77,14 @@ pub struct Blade {
 }
 
 impl Plant {
+    /// Where a leaf hangs on its branch, and from there to the tip of its blade (mm).
+    pub fn hang(&self, leaf: &Leaf) -> (DVec3, DVec3) {
+        let hang = self.branches[leaf.joint.branch].point(leaf.joint.at).0;
+        // The tip of the blade is along its x.
+        let far = self.blades[leaf.blade].mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
+        (hang, leaf.transform.transform_point3(DVec3::X * far) - hang)
+    }
+
     /// Triangles of wood and of all blades, those of a shape counted for each blade.
     pub fn triangles(&self) -> usize {
         let blades = self.leaves.iter().filter_map(|leaf| self.blades.get(leaf.blade)).map(|blade| &blade.mesh);

@@ -122,9 +122,12 @@ pub struct Plant {
     /// Mass of a blade per area.
     #[serde(default = "blade")]
     pub leaf_kg_m2: f64,
-    /// How its leaves flutter; they keep still on their branches when absent.
+    /// How its leaves flutter; they keep still on their branches when absent. Refused where no wind moves the branches.
     pub flutter: Option<Flutter>,
 }
+
+/// The highest resonance (Hz) of leaves that flutter: above, the renderer's textures would repeat within ten minutes.
+pub const MOST_LEAF_RESONANCE: f64 = 6.4;
 
 /// Leaves that turn to and fro about their axes in gusts.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -132,7 +135,7 @@ pub struct Plant {
 pub struct Flutter {
     /// Angle that a slow change of the wind's speed by 1 m/s turns a leaf by.
     pub deg_per_m_s: f64,
-    /// A leaf's own frequency.
+    /// A leaf's own frequency, up to [`MOST_LEAF_RESONANCE`].
     #[serde(default = "leaf_resonance")]
     pub resonance_hz: f64,
     /// Over the critical one.

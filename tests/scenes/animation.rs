@@ -121,7 +121,8 @@ fn bark_of(plant: &Plant) -> BTreeMap<String, Vec<(DVec3, DVec3)>> {
 fn sway(folder: &Path) {
     let sapling = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/plants/bird-cherry-sapling.toml");
     std::fs::copy(sapling, folder.join("sapling.toml")).unwrap();
-    let plants = "count = 2\narea_mm = [3000, 3000]\nseed = 3\nscale = 1.5\nflutter = { deg_per_m_s = 4 }\nposition_mm = [5000, -2000, 100]\n";
+    let plants = "count = 2\narea_mm = [3000, 3000]\nseed = 3\nscale = 1.5\nflutter = { deg_per_m_s = 4 }\n\
+                  position_mm = [5000, -2000, 100]\n";
     let path = scene(folder, &format!("grow = \"sapling.toml\"\n{BARK}{plants}"));
     let still = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, format!("{still}{WIND}")).unwrap();

@@ -85,6 +85,11 @@ fn plants_that_cannot_stand_say_why() {
         (format!("{grow}materials = {{ leaf = \"elm\", bark = \"elm\" }}\n"), "\"bark\" is the bark's material"),
         (format!("{grow}materials = {{ leaf = \"elm\", bark = [0, 0, 0], moss = [0, 0, 0] }}\n"), "found \"moss\""),
         (format!("{grow}{BARK}flutter = {{ deg_per_m_s = 4, damping = 0.1 }}\n"), "flutter.damping: found 0.1"),
+        (
+            format!("{grow}{BARK}flutter = {{ deg_per_m_s = 4, resonance_hz = 7 }}\n"),
+            "found 7, expected 0.05 to 6.4 Hz",
+        ),
+        (format!("{grow}{BARK}drag_n_s_m3 = 0\nflutter = {{ deg_per_m_s = 4 }}\n"), "flutter: given, but with a drag"),
         (format!("{grow}{BARK}flutter = {{ resonance_hz = 4 }}\n"), "missing field `deg_per_m_s`"),
         (format!("file = \"gone.glb\"\n{BARK}"), "no such file"),
         (format!("file = \"bad.glb\"\n{BARK}"), "not a readable glTF file"),
@@ -303,7 +308,7 @@ mod moving {
         );
         let windy = open(folder.path(), "", WIND);
         assert!(windy.plan.needed.iter().any(|n| n.name == "plants in the wind"));
-        let calm = open(folder.path(), "drag_n_s_m3 = 0\nflutter = { deg_per_m_s = 4 }\n", WIND);
+        let calm = open(folder.path(), "drag_n_s_m3 = 0\n", WIND);
         assert!(calm.placed.winds.is_none() && calm.plan.left_out.iter().any(|l| l.name == "plants in the wind"));
         let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return };
         renderer.set_scene(&drawn).unwrap();

@@ -6,7 +6,7 @@ use crate::bend::Moved;
 use crate::gpu::Gpu;
 use crate::passes::bend;
 use crate::scene::{Camera, Instance, Mesh};
-use crate::thin::{MANY, Seen, ranks};
+use crate::thin::{MANY, Seen, larger, ranks};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -93,6 +93,12 @@ impl Levels {
         }
     }
 
+    /// The ball of an instance that is drawn `size` times as large.
+    fn ball(&self, k: usize, size: f32) -> (Vec3, f32) {
+        let (centre, radius, _) = self.spheres[k];
+        larger(Vec3::from(self.rows[k].map(|row| row[3])), (centre, radius), size)
+    }
+
     /// Draws of the main pass: indices and instances.
     pub(crate) fn runs(&self) -> impl Iterator<Item = (Range<u32>, Range<u32>)> + '_ {
         self.runs.iter().map(|(level, instances)| (self.levels[*level].0.clone(), instances.clone()))
@@ -146,14 +152,16 @@ impl Levels {
         }
         let size = |(k, (centre, radius, _)): (usize, &(Vec3, f32, f32))| {
             let size = self.ranks.get(k).map_or(1.0, |rank| seen.enlarged(*rank, *centre, *radius));
-            if self.still[k] && !seen.shows(*centre, size * radius) { 0.0 } else { size }
+            let (centre, radius) = self.ball(k, size);
+            if self.still[k] && !seen.shows(centre, radius) { 0.0 } else { size }
         };
         let sizes: Vec<f32> = self.spheres.iter().enumerate().map(size).collect();
-        let choose = |((centre, radius, scale), size): (&(Vec3, f32, f32), &f32)| {
-            let most = PIXELS * seen.pixel * (seen.eye.distance(*centre) - radius);
+        let choose = |(k, ((_, _, scale), size)): (usize, (&(Vec3, f32, f32), &f32))| {
+            let (centre, radius) = self.ball(k, *size);
+            let most = PIXELS * seen.pixel * (seen.eye.distance(centre) - radius);
             (0..self.levels.len()).rev().find(|k| self.levels[*k].1 * scale * size <= most).unwrap_or(0) as u8
         };
-        let chosen: Vec<u8> = self.spheres.iter().zip(&sizes).map(choose).collect();
+        let chosen: Vec<u8> = self.spheres.iter().zip(&sizes).enumerate().map(choose).collect();
         if chosen == self.chosen && sizes == self.sizes {
             return;
         }

@@ -5,7 +5,7 @@
 use crate::scene::Camera;
 use glam::Vec3;
 
-/// Leaves that are this wide in the picture (pixels) are all drawn.
+/// Leaves of this diameter in the picture (pixels) are all drawn: that of the ball around the leaf, its longest extent.
 const WIDE: f32 = 1.5;
 /// Fewer leaves than this, of one mesh and material, are all drawn.
 pub(crate) const MANY: usize = 64;
@@ -55,6 +55,11 @@ impl Seen {
         // Half of the fading ones' area is gone.
         (own / (kept - 0.5 * fade)).sqrt()
     }
+}
+
+/// The ball (centre and radius) of an instance that is drawn `size` times as large about its origin.
+pub(crate) fn larger(origin: Vec3, (centre, radius): (Vec3, f32), size: f32) -> (Vec3, f32) {
+    (origin + size * (centre - origin), size * radius)
 }
 
 /// Leaves that follow each other, of which each share of the ranks has its share.
@@ -112,6 +117,21 @@ mod tests {
             let chance = 4.0 * ((1.0 - wanted) / (wanted * n as f32)).sqrt();
             assert!(pull < chance + 1e-3, "{distance}: {pull}");
         }
+    }
+
+    /// A leaf that hangs at the edge of the picture beside its origin is out of it when drawn larger, and the other way.
+    #[test]
+    fn larger_leaves_are_where_their_origin_sends_them() {
+        let seen = seen();
+        let edge = 1000.0 * 20f32.to_radians().tan() * 4.0 / 3.0;
+        let at = |y: f32| Vec3::new(1000.0, y, 0.0);
+        let (inside, outside) = (at(edge - 20.0), at(edge + 40.0));
+        let shown = |origin: f32, centre: Vec3, size: f32| {
+            let (centre, radius) = larger(at(origin), (centre, 5.0), size);
+            seen.shows(centre, radius)
+        };
+        assert!(shown(edge - 100.0, inside, 1.0) && !shown(edge - 100.0, inside, 2.0));
+        assert!(!shown(edge + 100.0, outside, 1.0) && shown(edge + 100.0, outside, 2.0));
     }
 
     /// Balls at random against their points: what is left out has no point in the picture.

@@ -49,10 +49,7 @@ impl Elements {
             out.of_branches.push(element);
         }
         for leaf in &plant.leaves {
-            let pivot = plant.branches[leaf.joint.branch].point(leaf.joint.at).0;
-            // The tip of the blade is along its x.
-            let far = plant.blades[leaf.blade].mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
-            let reach = leaf.transform.transform_point3(DVec3::X * far) - pivot;
+            let (pivot, reach) = plant.hang(leaf);
             let element = out.add(Some(out.of_branches[leaf.joint.branch]), pivot, reach);
             out.of_leaves.push(element);
         }
@@ -101,8 +98,8 @@ pub fn write_pivots(plant: &Plant, folder: &Path) -> Result<Vec<PathBuf>> {
     }
     let of_level = |level| elements.all.iter().filter(|e| e.level == level).count();
     let about = json!({
-        "about": "element k is the texel of column k % width and row k / width, row 0 at the top; TEXCOORD_1 of a vertex \
-                  in plant.glb is the middle of its element's texel",
+        "about": "element k is the texel of column k % width and row k / width, row 0 at the top; TEXCOORD_1 of a \
+                  vertex in plant.glb is the middle of its element's texel",
         "elements": count,
         "elements_a_level": (0..LEVELS).map(of_level).collect::<Vec<_>>(),
         "fused": plant.branches.len() + plant.leaves.len() - count,

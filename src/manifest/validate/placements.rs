@@ -1,7 +1,7 @@
 //! Where leaves stand: single ones, on branches, on a twig, in a crown.
 
 use super::place::Place;
-use crate::{Matter, Result};
+use crate::{MOST_LEAF_RESONANCE, Matter, Result};
 
 /// More leaves than this are likelier a typing error than a wish.
 const MOST_LEAVES: usize = 100_000;
@@ -114,8 +114,13 @@ fn plants(p: &Place) -> Result<()> {
         p.range(HEADER, i, "leaf_kg_m2", plant.leaf_kg_m2, [0.0, 100.0], "kg/m²")?;
         if let Some(flutter) = &plant.flutter {
             p.range(HEADER, i, "flutter.deg_per_m_s", flutter.deg_per_m_s, [1e-6, 100.0], "degrees per m/s")?;
-            p.range(HEADER, i, "flutter.resonance_hz", flutter.resonance_hz, [0.05, 100.0], "Hz")?;
+            let unit = "Hz: above, it would repeat within ten minutes";
+            p.range(HEADER, i, "flutter.resonance_hz", flutter.resonance_hz, [0.05, MOST_LEAF_RESONANCE], unit)?;
             p.range(HEADER, i, "flutter.damping", flutter.damping, [0.2, 10.0], "of the critical one")?;
+            if plant.drag_n_s_m3 == 0.0 {
+                let what = "given, but with a drag_n_s_m3 of 0 nothing of the plant moves; expected a drag above 0";
+                return Err(p.error(HEADER, i, "flutter", what));
+            }
         }
         p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_PLANTS as f64], "plants")?;
         match plant.area_mm {

@@ -7,7 +7,7 @@
 //! speed, whatever part of the wind lies in it, so that its frequencies are right.
 //!
 //! A leaf is an oscillator as a branch is (Eq. 4.16), whose angle follows the wind's speed; its mean is 0, and without
-//! wind nothing moves.
+//! wind nothing moves. The textures hold frequencies from 1/64 of a leaf's resonance to twice it.
 
 use super::plant::Planted;
 use crate::ledger::Ledger;
@@ -19,6 +19,7 @@ use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Oscillator, Sway, Wind, leaf_weights};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Texels a side of a texture.
 const SIDE: usize = 1024;
@@ -26,12 +27,38 @@ const SIDE: usize = 1024;
 const FREE: f64 = 0.8;
 const FURTHEST: f64 = 1.4;
 
+/// Textures that one kind of flutter takes (8 MB each).
+pub const TEXTURES: usize = 3;
+
+/// What turns all leaves of a scene that flutter alike.
+#[derive(Debug)]
+pub struct Gusts {
+    /// Its spectrum: of the angle (rad).
+    pub sway: Sway,
+    textures: [Motion; TEXTURES],
+}
+
+impl Gusts {
+    /// `None` where the spectrum is not finite and positive.
+    pub fn new(said: &Flutter, wind: Wind, seed: u64, ledger: &Ledger) -> Option<Gusts> {
+        let resonance = said.resonance_hz;
+        let oscillator = Oscillator { resonance, damping: said.damping * 2.0 * TAU * resonance };
+        let sway = Sway { wind, oscillator, lean: said.deg_per_m_s.to_radians() * wind.speed };
+        let make = |plane: u64| {
+            let seed = seed.wrapping_add((1 + plane) << 56);
+            Motion::new(|f| sway.spectrum(f), sway.highest(), SIDE, seed, Method::InverseAbel)
+        };
+        let made = ledger.note("make", "motion textures of leaves", (TEXTURES * SIDE * SIDE * 8) as u64, || {
+            Some([make(0)?, make(1)?, make(2)?])
+        });
+        Some(Gusts { sway, textures: made? })
+    }
+}
+
 /// The flutter of a plant's leaves.
 #[derive(Debug)]
 pub struct Fluttering {
-    /// Its spectrum: of the angle (rad).
-    pub sway: Sway,
-    textures: [Motion; 3],
+    gusts: Arc<Gusts>,
     /// Of the textures; normalised in their squares.
     weights: [f64; 3],
     /// In each plane, the direction in which a leaf goes through the texture.
@@ -42,43 +69,27 @@ pub struct Fluttering {
 }
 
 impl Fluttering {
-    /// In a wind that blows `towards` (a unit vector). `None` where the spectrum is not finite and positive.
-    pub fn new(
-        said: &Flutter,
-        wind: Wind,
-        towards: DVec3,
-        seed: u64,
-        planted: &Planted,
-        ledger: &Ledger,
-    ) -> Option<Fluttering> {
-        let resonance = said.resonance_hz;
-        let oscillator = Oscillator { resonance, damping: said.damping * 2.0 * TAU * resonance };
-        let sway = Sway { wind, oscillator, lean: said.deg_per_m_s.to_radians() * wind.speed };
-        let make = |plane: u64| {
-            let seed = seed.wrapping_add((1 + plane) << 56);
-            Motion::new(|f| sway.spectrum(f), sway.highest(), SIDE, seed, Method::InverseAbel)
-        };
-        let made = ledger.note("make", "motion textures of leaves", (3 * SIDE * SIDE * 8) as u64, || {
-            Some([make(0)?, make(1)?, make(2)?])
-        });
+    /// In a wind that blows `towards` (a unit vector).
+    pub fn new(gusts: Arc<Gusts>, towards: DVec3, planted: &Planted) -> Fluttering {
         let weights = leaf_weights(towards.to_array());
         let norm = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
         let ways = planes(towards).map(|within| unrepeated(within.normalize_or(DVec2::X)));
         let (hangs, places) = (hangs(&planted.plant), planted.places.clone());
-        Some(Fluttering { sway, textures: made?, weights: weights.map(|w| w / norm), ways, hangs, places })
+        Fluttering { gusts, weights: weights.map(|w| w / norm), ways, hangs, places }
     }
 
     /// The angle (rad) of a leaf at a place and a time (s), as the spectrum has it.
     pub fn angle(&self, place: usize, leaf: usize, time: f64) -> f64 {
         let point = self.places[place].transform_point3(self.hangs[leaf].0) / 1e3;
+        let speed = self.gusts.sway.wind.speed;
         let mut sum = 0.0;
         for (((motion, weight), way), within) in
-            self.textures.iter().zip(self.weights).zip(self.ways).zip(planes(point))
+            self.gusts.textures.iter().zip(self.weights).zip(self.ways).zip(planes(point))
         {
             if weight > 0.0 {
                 // The field moves with the wind; the leaf stays where it is.
-                let along = time - within.dot(way) / self.sway.wind.speed;
-                let across = within.dot(way.perp()) / self.sway.wind.speed;
+                let along = time - within.dot(way) / speed;
+                let across = within.dot(way.perp()) / speed;
                 let at = motion.speed() * (along * way + across * way.perp());
                 sum += weight * motion.sample(at.to_array())[0];
             }
@@ -95,11 +106,6 @@ impl Fluttering {
         };
         self.hangs.iter().enumerate().map(turn).collect()
     }
-
-    /// How many bytes the textures have.
-    pub fn bytes(&self) -> usize {
-        3 * SIDE * SIDE * 8
-    }
 }
 
 /// The parts of a vector in the planes xy, yz and xz.
@@ -110,30 +116,19 @@ fn planes(v: DVec3) -> [DVec2; 3] {
 /// Where each leaf hangs on its branch, and the unit direction from there to the blade's tip.
 fn hangs(plant: &Plant) -> Vec<(DVec3, DVec3)> {
     let one = |leaf: &mesophyll_flora::form::Leaf| {
-        let hang = plant.branches[leaf.joint.branch].point(leaf.joint.at).0;
-        let far = plant.blades[leaf.blade].mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
-        let along = leaf.transform.transform_point3(DVec3::X * far) - hang;
+        let (hang, along) = plant.hang(leaf);
         (hang, along.try_normalize().unwrap_or(leaf.transform.x_axis.truncate().normalize_or(DVec3::X)))
     };
     plant.leaves.iter().map(one).collect()
 }
 
-/// Passages of a texture for which a line through it should not come near to itself.
+/// Passages of a texture for which a line through it should not come near to itself: ten minutes of leaves with the
+/// highest resonance that a scene may ask for ([`mesophyll_manifest::MOST_LEAF_RESONANCE`]).
 const PASSAGES: i32 = 60;
 
-/// The direction near `way` whose line stays away from itself longest: the textures repeat, so that a line along x would
-/// be back after one passage.
+/// The direction near `way` whose line stays away from itself longest: the textures repeat, so that a line along x
+/// would be back after one passage.
 fn unrepeated(way: DVec2) -> DVec2 {
-    // A wave of the highest frequency is this wide.
-    let apart = mesophyll_plant::motion::TEXELS_A_CYCLE as f64 / SIDE as f64;
-    let back = |d: DVec2| {
-        let all = (-PASSAGES..=PASSAGES).flat_map(|p| (-PASSAGES..=PASSAGES).map(move |q| (p, q)));
-        all.filter(|(p, q)| (*p, *q) != (0, 0))
-            .map(|(p, q)| DVec2::new(f64::from(p), f64::from(q)))
-            .filter(|v| v.perp_dot(d).abs() < 0.5 * apart && v.dot(d) > 0.0)
-            .map(|v| v.length())
-            .fold(f64::from(PASSAGES), f64::min)
-    };
     let mut best = (way, back(way));
     for k in 1..=40 {
         for sign in [1.0, -1.0] {
@@ -145,6 +140,18 @@ fn unrepeated(way: DVec2) -> DVec2 {
         }
     }
     best.0
+}
+
+/// After how many passages a line is back near where it was; [`PASSAGES`] where it is later.
+fn back(d: DVec2) -> f64 {
+    // A wave of the highest frequency is this wide.
+    let apart = mesophyll_plant::motion::TEXELS_A_CYCLE as f64 / SIDE as f64;
+    let all = (-PASSAGES..=PASSAGES).flat_map(|p| (-PASSAGES..=PASSAGES).map(move |q| (p, q)));
+    all.filter(|(p, q)| (*p, *q) != (0, 0))
+        .map(|(p, q)| DVec2::new(f64::from(p), f64::from(q)))
+        .filter(|v| v.perp_dot(d).abs() < 0.5 * apart && v.dot(d) > 0.0)
+        .map(|v| v.length())
+        .fold(f64::from(PASSAGES), f64::min)
 }
 
 #[cfg(test)]
@@ -159,12 +166,31 @@ mod tests {
         let said = Flutter { deg_per_m_s: 4.0, resonance_hz: 4.0, damping: 0.3 };
         let towards = DVec3::new(f64::cos(azimuth), f64::sin(azimuth), 0.0);
         let wind = Wind { speed, turbulence: 0.3 };
-        let flutter = Fluttering::new(&said, wind, towards, 7, &planted, &Ledger::new()).unwrap();
+        let gusts = Gusts::new(&said, wind, 7, &Ledger::new()).unwrap();
+        let flutter = Fluttering::new(Arc::new(gusts), towards, &planted);
         (planted, flutter)
     }
 
-    /// Angles of leaves over nine thousand periods, by a discrete Fourier transform of segments, against the formula. An
-    /// isotropic texture has its own deviation of .08 in log10 (see `lines_have_the_wanted_spectrum`).
+    /// Whatever the wind's direction, leaves of the highest resonance that a scene may ask for are not back within ten
+    /// minutes; and a wind that has no gusts gives no textures.
+    #[test]
+    fn lines_in_all_directions_stay_away_from_themselves() {
+        let resonance_hz = mesophyll_manifest::MOST_LEAF_RESONANCE;
+        let said = Flutter { deg_per_m_s: 4.0, resonance_hz, damping: 0.3 };
+        let gusts = Gusts::new(&said, Wind { speed: 4.0, turbulence: 0.3 }, 7, &Ledger::new()).unwrap();
+        let passage = 1.0 / gusts.textures[0].speed();
+        for k in 0..360 {
+            let way = DVec2::from_angle(f64::from(k).to_radians());
+            let seconds = back(unrepeated(way)) * passage;
+            assert!(seconds > 599.999, "{k} degrees: {seconds} s");
+            assert!(unrepeated(way).angle_to(way).abs() < 0.02);
+        }
+        assert!((gusts.textures[0].lowest * 64.0 / resonance_hz - 1.0).abs() < 1e-12);
+        assert!(Gusts::new(&said, Wind { speed: 1e-150, turbulence: 0.3 }, 7, &Ledger::new()).is_none());
+    }
+
+    /// Angles of leaves over nine thousand periods, by a discrete Fourier transform of segments, against the formula.
+    /// An isotropic texture has its own deviation of .08 in log10 (see `lines_have_the_wanted_spectrum`).
     #[test]
     fn leaves_have_the_spectrum_of_their_resonance() {
         let (_, flutter) = fluttering(4.0, 0.5);
@@ -180,7 +206,7 @@ mod tests {
             let (mut have, mut want) = (0.0, 0.0);
             for bin in band[0]..band[1] {
                 let f = f64::from(bin) * step;
-                want += flutter.sway.spectrum(f);
+                want += flutter.gusts.sway.spectrum(f);
                 for part in &readings {
                     let (mut re, mut im) = (0.0, 0.0);
                     for (n, v) in part.iter().enumerate() {

@@ -4,10 +4,11 @@
 //! mass of all that it carries (Eq. 4.17, and the leaves). The wind's force on all of that is proportional to its speed
 //! (Eq. 4.19). Gusts come from motion textures. H9 has one a level of the branching, and lets a branch of another
 //! resonance run faster through it. The branch's spectrum would then be right only if the wind's were a power of the
-//! frequency, which it is not. Here branches share a texture whose resonances are within [`ALIKE`] of each other, whatever their level.
+//! frequency, which it is not. Here branches share a texture whose resonances are within [`ALIKE`] of each other,
+//! whatever their level.
 
 use super::branch::{MOTION_SIDE, variance, wind_direction};
-use super::flutter::Fluttering;
+use super::flutter::{Fluttering, Gusts, TEXTURES};
 use super::plant::Planted;
 use super::sections::Sections;
 use crate::ledger::Ledger;
@@ -18,7 +19,7 @@ use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::carried::{carried, own_mass};
 use mesophyll_flora::form::{Branch, Leaf, Plant};
 use mesophyll_flora::pose::{Limbs, Pose, Rigid};
-use mesophyll_manifest::Manifest;
+use mesophyll_manifest::{Flutter, Manifest};
 use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
@@ -60,7 +61,7 @@ pub struct Swaying {
     seed: u64,
 }
 
-/// More motion textures than this (8 MB each) are likelier an error of a file than a plant.
+/// More motion textures than this (8 MB each), of branches and leaves, are likelier an error of a file than a plant.
 const MOST_TEXTURES: usize = 64;
 /// Cross-sections of all plants together: what an adapter's table of them holds.
 const MOST_SECTIONS: usize = 4_000_000;
@@ -74,6 +75,8 @@ pub struct Winds {
     pub plants: Vec<Option<Swaying>>,
     /// The motion textures.
     pub motions: Vec<Motion>,
+    /// What turns leaves, for each kind of flutter.
+    pub gusts: Vec<Arc<Gusts>>,
     /// The sections at the last times that were asked for.
     last: Mutex<Vec<(f64, Arc<Vec<Rigid>>)>>,
 }
@@ -82,7 +85,8 @@ impl Winds {
     /// How the plants sway; `None` where none does.
     ///
     /// # Errors
-    /// [`Error::Input`] where a sway has no spectrum.
+    /// [`Error::Input`] where a sway or a flutter has no spectrum, where leaves should flutter on branches that do not
+    /// sway, and for more textures, cross-sections or bark than there is room for.
     pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
         let Some(wind) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else { return Ok(None) };
         let moves = |said: &mesophyll_manifest::Plant| said.drag_n_s_m3 > 0.0;
@@ -95,13 +99,21 @@ impl Winds {
         let mean = Wind { speed: wind.speed_m_s, turbulence: wind.turbulence };
         let sways: Vec<Vec<Option<(Sway, f64)>>> =
             manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
+        let flutters = flutters(manifest, planted, &sways)?;
         if sways.iter().flatten().all(Option::is_none) {
             return Ok(None);
         }
         let leads = leads(sways.iter().flatten().flatten().map(|(sway, _)| *sway).collect());
-        if leads.len() > MOST_TEXTURES {
-            let what = format!("branches of so many lengths that their sway needs {} motion textures", leads.len());
-            let expected = format!("at most {MOST_TEXTURES}; lengths are in mm, and `scale` multiplies them");
+        let of_leaves = TEXTURES * flutters.len();
+        if leads.len() + of_leaves > MOST_TEXTURES {
+            let what = format!(
+                "branches of so many lengths that their sway needs {} motion textures, and {of_leaves} of flutter",
+                leads.len()
+            );
+            let expected = format!(
+                "at most {MOST_TEXTURES} in all; lengths are in mm, `scale` multiplies them, and plants whose `flutter` \
+                 is the same share textures"
+            );
             return Err(Error::unexpected(&manifest.path, "plant", what, expected));
         }
         let bytes = (leads.len() * MOTION_SIDE * MOTION_SIDE * 8) as u64;
@@ -115,6 +127,14 @@ impl Winds {
         let motions = made.ok_or_else(|| {
             Error::field(&manifest.path, "wind", "the plants' sway has no spectrum that is positive and finite")
         })?;
+        let of_kind = |(k, said): (usize, &&Flutter)| {
+            let seed = wind.seed.wrapping_add((1 + k as u64) << 40);
+            let what = "the leaves' flutter has no spectrum that is positive and finite";
+            Gusts::new(said, mean, seed, ledger)
+                .map(Arc::new)
+                .ok_or_else(|| Error::field(&manifest.path, "plant", what))
+        };
+        let gusts: Vec<Arc<Gusts>> = flutters.iter().enumerate().map(of_kind).collect::<Result<_>>()?;
         let sways_somewhere: Vec<bool> = sways.iter().map(|of| of.iter().any(Option::is_some)).collect();
         let mut first = 0;
         let of_lead: Vec<f64> = leads.iter().map(variance).collect();
@@ -135,14 +155,14 @@ impl Winds {
             sways_somewhere[index].then(|| {
                 let sections = Sections::new(p, first);
                 first = sections.end();
-                let flutters = |said| Fluttering::new(said, mean, world, seed, p, ledger);
-                let flutter = manifest.plants[index].flutter.as_ref().and_then(flutters);
+                let kind = manifest.plants[index].flutter.as_ref().and_then(|f| flutters.iter().position(|g| *g == f));
+                let flutter = kind.map(|kind| Fluttering::new(gusts[kind].clone(), world, p));
                 Swaying { limbs, answers, sections, flutter, towards, seed }
             })
         });
         let plants: Vec<Option<Swaying>> = plants.collect();
         bounded(manifest, planted, &plants)?;
-        Ok(Some(Winds { plants, motions, last: Mutex::default() }))
+        Ok(Some(Winds { plants, motions, gusts, last: Mutex::default() }))
     }
 
     /// Amplitude of a branch towards r and s of its limb, at a place and a time (s).
@@ -165,6 +185,26 @@ impl Winds {
             None => pose,
         })
     }
+}
+
+/// All kinds of flutter of a scene, each once.
+fn flutters<'a>(
+    manifest: &'a Manifest,
+    planted: &[Planted],
+    sways: &[Vec<Option<(Sway, f64)>>],
+) -> Result<Vec<&'a Flutter>> {
+    let mut out: Vec<&Flutter> = Vec::new();
+    for (k, ((said, one), sways)) in manifest.plants.iter().zip(planted).zip(sways).enumerate() {
+        let Some(flutter) = said.flutter.as_ref().filter(|_| !one.plant.leaves.is_empty()) else { continue };
+        if sways.iter().all(Option::is_none) {
+            let what = "leaves cannot flutter where no branch sways; expected branches with a length and a mass";
+            return Err(Error::field(&manifest.path, &format!("plant {}: flutter", k + 1), what));
+        }
+        if !out.contains(&flutter) {
+            out.push(flutter);
+        }
+    }
+    Ok(out)
 }
 
 /// Refuses more cross-sections and bark than there is room for, before any of it is made.
@@ -402,6 +442,26 @@ mod tests {
         for still in [free, scene(0.0).0] {
             assert!(Winds::new(&still, &planted, &Ledger::new()).unwrap().is_none());
         }
+    }
+
+    /// Plants whose flutter is the same share textures; too many kinds are refused, and leaves on still branches.
+    #[test]
+    fn kinds_of_flutter_are_counted() {
+        let (mut manifest, mut planted) = scene(4.0);
+        let said = |k: usize| Some(Flutter { deg_per_m_s: 4.0, resonance_hz: 4.0 + 0.01 * k as f64, damping: 0.3 });
+        manifest.plants[0].flutter = said(0);
+        manifest.plants = vec![manifest.plants[0].clone(); 22];
+        let one = planted.remove(0);
+        planted = vec![one; 22];
+        let winds = Winds::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
+        assert_eq!(winds.gusts.len(), 1);
+        assert!(winds.plants.iter().flatten().all(|p| p.flutter.is_some()));
+        (0..22).for_each(|k| manifest.plants[k].flutter = said(k));
+        let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
+        assert!(error.contains("and 66 of flutter, expected at most 64 in all"), "{error}");
+        manifest.plants[0].drag_n_s_m3 = 0.0;
+        let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
+        assert!(error.contains("plant 1: flutter: leaves cannot flutter where no branch sways"), "{error}");
     }
 
     #[test]

@@ -86,9 +86,7 @@ fn plants(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     };
     let why = "plants sway: posed in double precision for each picture's time, carried by sections in the vertex stage";
     let mut need = Need::new("plants in the wind", why);
-    let flutters = winds.plants.iter().flatten().filter_map(|p| p.flutter.as_ref());
-    let of_leaves: usize = flutters.map(|f| f.bytes()).sum();
-    let textures = winds.motions.len() + of_leaves / (MOTION_SIDE * MOTION_SIDE * 8);
+    let textures = winds.motions.len() + crate::placed::flutter::TEXTURES * winds.gusts.len();
     need.amount =
         Some(format!("{} sections, {textures} motion textures of {MOTION_SIDE}x{MOTION_SIDE}", winds.section_count()));
     need.bytes = Some((48 * winds.section_count() + textures * MOTION_SIDE * MOTION_SIDE * 8) as u64);
