@@ -5,6 +5,7 @@
 //! quote is not closed, so that the row stays one row and the rows after it are rows again. It does not look at cells,
 //! so that one thread finds the rows which all others split.
 
+use super::source::{Record, Splitter};
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, Read};
 
@@ -122,8 +123,9 @@ impl<R: Read> Rows<R> {
         let row = &block.bytes[start..];
         let end = row.len() - if row.ends_with(b"\r\n") { 2 } else { 1 };
         let text = &row[..end];
-        let count = if text.contains(&b'\r') && !text.contains(&b'"') {
-            text.split(|b| *b == b'\r').filter(|part| !part.is_empty()).count()
+        let count = if text.contains(&b'\r') {
+            let (mut rest, mut splitter, mut record) = (row, Splitter::default(), Record::default());
+            std::iter::from_fn(|| splitter.split(&mut rest, &mut record).then_some(())).count()
         } else {
             usize::from(!text.is_empty())
         };
@@ -198,8 +200,8 @@ fn scan(row: &[u8]) -> End {
     loop {
         // At the start of a cell.
         if row.get(k) != Some(&b'"') {
-            match row[k..].iter().position(|b| matches!(b, b',' | b'\n')) {
-                Some(n) if row[k + n] == b',' => {
+            match row[k..].iter().position(|b| matches!(b, b',' | b'\r' | b'\n')) {
+                Some(n) if row[k + n] != b'\n' => {
                     k += n + 1;
                     continue;
                 }
