@@ -7,6 +7,8 @@ pub mod detail;
 pub mod grass;
 #[cfg(feature = "render")]
 pub mod handover;
+#[cfg(feature = "render")]
+pub mod leaf_maps;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod scanned;

@@ -5,7 +5,7 @@
 //! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of
 //! its own, as in every other view.
 
-use super::{handover, reference};
+use super::{handover, leaf_maps, reference};
 use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
 use crate::{Error, Result};
@@ -90,7 +90,7 @@ impl<'a> Scanned<'a> {
             gloss: Some(gloss),
             normal: Some(normal),
             translucency: None,
-            interior: viewer::Interior::Scalars(handover::slab_curve(&curve)),
+            interior: viewer::Interior::Scalars(leaf_maps::slab_curve(&curve)),
         };
         let leaf = viewer::Leaf {
             name: self.fitted.name.clone(),

@@ -11,6 +11,7 @@ pub mod placement;
 pub mod plant;
 pub mod posed;
 pub mod sections;
+pub mod sways;
 pub mod tree;
 pub mod winds;
 

@@ -1,34 +1,27 @@
 //! How the scene's plants sway: what every branch carries, how far the wind takes it, and when.
 //!
-//! A branch is an oscillator (H9 Eq. 4.16, as the equation of motion gives it) of its own resonance (Eq. 4.20), with the
-//! mass of all that it carries (Eq. 4.17, and the leaves). The wind's force on all of that is proportional to its speed
+//! A branch is an oscillator ([`super::sways`]), and the wind's force on all that it carries is proportional to its speed
 //! (Eq. 4.19). Gusts come from motion textures. H9 has one a level of the branching, and lets a branch of another
 //! resonance run faster through it. The branch's spectrum would then be right only if the wind's were a power of the
-//! frequency, which it is not. Here branches share a texture whose resonances are within [`ALIKE`] of each other,
-//! whatever their level.
+//! frequency, which it is not. Here branches share a texture whose resonances are within [`super::sways::ALIKE`] of each
+//! other, whatever their level.
 
 use super::branch::{MOTION_SIDE, variance, wind_direction};
 use super::flutter::{Fluttering, Gusts, TEXTURES};
 use super::plant::Planted;
 use super::sections::Sections;
+use super::sways::{alike, leads, sways};
 use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
-use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_branch::beam::basis;
-use mesophyll_flora::carried::{carried, own_mass};
-use mesophyll_flora::form::{Branch, Leaf, Plant};
 use mesophyll_flora::pose::{Limbs, Pose, Rigid};
 use mesophyll_manifest::{Flutter, Manifest};
 use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
-use mesophyll_plant::wind::{Oscillator, Sway, Wind};
+use mesophyll_plant::wind::{Sway, Wind};
 use rayon::prelude::*;
-use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex};
-
-/// Branches share a motion texture up to this ratio of their resonances.
-pub const ALIKE: f64 = 1.12;
 
 /// How one branch answers the wind.
 #[derive(Debug, Clone, PartialEq)]
@@ -258,72 +251,12 @@ impl Winds {
     }
 }
 
-/// The sway of every branch of a plant, and the mass it carries (kg).
-fn sways(said: &mesophyll_manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
-    let metres = said.scale / 1e3;
-    let blades: Vec<f64> = plant.blades.iter().map(|b| area(&b.mesh)).collect();
-    // One side of a blade (m²).
-    let of_leaf =
-        |leaf: &Leaf| blades[leaf.blade] * leaf.transform.determinant().abs().cbrt().powi(2) * metres * metres;
-    let across = |b: &Branch| (b.root_radius + b.tip_radius) * b.length() * metres * metres;
-    let masses = carried(plant, |b| own_mass(b, said.wood_kg_m3, said.scale), |leaf| said.leaf_kg_m2 * of_leaf(leaf));
-    // Leaves that face all ways stand across the wind by half.
-    let areas = carried(plant, across, |leaf| 0.5 * of_leaf(leaf));
-    let leafless = plant.leaves.is_empty();
-    let one = |(k, branch): (usize, &Branch)| {
-        let length = branch.length() * metres;
-        if !(length > 1e-9 && masses[k] > 0.0 && areas[k] > 0.0 && said.drag_n_s_m3 > 0.0) {
-            return None;
-        }
-        let oscillator = Oscillator::of_branch(length, leafless, said.damping);
-        let force = said.drag_n_s_m3 * areas[k] * wind.speed;
-        let stiffness = masses[k] * (TAU * oscillator.resonance).powi(2);
-        Some((Sway { wind, oscillator, lean: force / stiffness / length }, masses[k]))
-    };
-    plant.branches.iter().enumerate().map(one).collect()
-}
-
-fn area(mesh: &LeafMesh) -> f64 {
-    (0..mesh.triangles())
-        .map(|t| {
-            let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
-            0.5 * (b - a).cross(c - a).length()
-        })
-        .sum()
-}
-
-/// Whether a sway can run through the texture of another.
-fn alike(lead: &Sway, sway: &Sway) -> bool {
-    let ratio = |s: &Sway| s.oscillator.damping / s.oscillator.resonance;
-    let apart = (sway.oscillator.resonance / lead.oscillator.resonance).ln().abs();
-    apart <= 0.5 * ALIKE.ln() + 1e-9 && (ratio(lead) / ratio(sway) - 1.0).abs() < 1e-9
-}
-
-/// The sways that motion textures are made for: as few as will do, so that each of `sways` is alike to one of them.
-/// Each stands in the middle, by its resonance, of those that are alike to it. Their lean is 1.
-fn leads(mut sways: Vec<Sway>) -> Vec<Sway> {
-    sways.sort_by(|a, b| a.oscillator.resonance.total_cmp(&b.oscillator.resonance));
-    let mut out: Vec<Sway> = Vec::new();
-    for (k, sway) in sways.iter().enumerate() {
-        if out.iter().any(|lead| alike(lead, sway)) {
-            continue;
-        }
-        let f = sway.oscillator.resonance;
-        let ratio = sway.oscillator.damping / f;
-        let damped = |s: &Sway| (s.oscillator.damping / s.oscillator.resonance / ratio - 1.0).abs() < 1e-9;
-        let reach = |s: &&Sway| s.oscillator.resonance <= ALIKE * f && damped(s);
-        let last = sways[k..].iter().rfind(reach).map_or(f, |s| s.oscillator.resonance);
-        let middle = (f * last).sqrt();
-        out.push(Sway { oscillator: Oscillator { resonance: middle, damping: ratio * middle }, lean: 1.0, ..*sway });
-    }
-    out
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+    use std::f64::consts::TAU;
 
-    fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
+    pub fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
         let mut manifest = Manifest::read(&root).unwrap();
         manifest.wind = Some(mesophyll_manifest::Wind {
@@ -397,51 +330,6 @@ mod tests {
         }
         println!("bands are off by {:.3} at most", worst);
         assert!(worst < 0.16, "{worst}");
-    }
-
-    #[test]
-    fn what_a_branch_carries_decides_how_far_it_goes() {
-        let (manifest, planted) = scene(4.0);
-        let said = &manifest.plants[0];
-        let answers = |speed: f64, said: &mesophyll_manifest::Plant| {
-            sways(said, Wind { speed, turbulence: 0.3 }, &planted[0].plant)
-        };
-        let (a, b) = (answers(4.0, said), answers(8.0, said));
-        for ((slow, mass), (fast, same)) in a.iter().flatten().zip(b.iter().flatten()) {
-            // The force is proportional to the speed, and the mass is what it was.
-            assert!((fast.lean / slow.lean - 2.0).abs() < 1e-12 && mass == same);
-        }
-        // The trunk carries all: the sum over cones and leaves, one by one.
-        let plant = &planted[0].plant;
-        let wood: f64 = plant
-            .branches
-            .iter()
-            .map(|b| {
-                let (r, s) = (b.root_radius / 1e3, b.tip_radius / 1e3);
-                900.0 * std::f64::consts::PI * b.length() / 3e3 * (r * r + r * s + s * s)
-            })
-            .sum();
-        let blade: f64 =
-            plant.leaves.iter().map(|l| area(&plant.blades[l.blade].mesh) * l.transform.x_axis.length_squared()).sum();
-        let (trunk, mass) = a[0].unwrap();
-        assert!((mass / (wood + 0.2 * blade * 1e-6) - 1.0).abs() < 1e-9, "{mass}");
-        let resonance = 2.55 * (plant.branches[0].length() / 1e3).powf(-0.59);
-        assert!((trunk.oscillator.resonance / resonance - 1.0).abs() < 1e-12);
-        assert!(a.iter().skip(1).flatten().all(|(_, own)| *own < mass));
-        // As few textures as the ratio allows, and every branch has one.
-        let all: Vec<Sway> = a.iter().flatten().map(|(sway, _)| *sway).collect();
-        let leads = leads(all.clone());
-        assert!(all.iter().all(|s| leads.iter().any(|lead| alike(lead, s))));
-        let spread = |of: fn(f64, f64) -> f64, from: f64| all.iter().map(|s| s.oscillator.resonance).fold(from, of);
-        let bands = (spread(f64::max, 0.0) / spread(f64::min, f64::INFINITY)).ln() / ALIKE.ln();
-        assert!(leads.len() as f64 <= bands.ceil(), "{} for {bands}", leads.len());
-        // Nothing moves without a wind, and no wind moves what it has no hold of.
-        let mut free = manifest.clone();
-        free.plants[0].drag_n_s_m3 = 0.0;
-        assert!(answers(4.0, &free.plants[0]).iter().all(Option::is_none));
-        for still in [free, scene(0.0).0] {
-            assert!(Winds::new(&still, &planted, &Ledger::new()).unwrap().is_none());
-        }
     }
 
     /// Plants whose flutter is the same share textures; too many kinds are refused, and leaves on still branches.

@@ -2,10 +2,10 @@
 //! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
 
 use crate::Result;
-use crate::draw::handover;
 use crate::draw::reference;
 use crate::draw::sunlit::relight_where;
 use crate::draw::truth::{Sampling, Truth};
+use crate::draw::{handover, leaf_maps};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
@@ -82,7 +82,7 @@ impl SceneEditor {
             return Ok(viewer::Interior::Scalars(viewer::SlabCurve::default()));
         };
         if of.config.interior == Interior::Maps {
-            let [rho_d, rho_t] = handover::pigment(of, side, &self.ledger)?;
+            let [rho_d, rho_t] = leaf_maps::pigment(of, side, &self.ledger)?;
             return Ok(viewer::Interior::Maps { rho_d, rho_t });
         }
         let h = fitted.thickness(side)?;
@@ -94,7 +94,7 @@ impl SceneEditor {
         let what = format!("{}/{} slab curve", fitted.name, side.name());
         let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
         let made = curve(sigma_a, sigma_s, low, high, 1e-4, &what, &self.ledger);
-        Ok(viewer::Interior::Scalars(handover::slab_curve(&made)))
+        Ok(viewer::Interior::Scalars(leaf_maps::slab_curve(&made)))
     }
 
     /// What the window's sliders change of a leaf.

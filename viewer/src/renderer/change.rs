@@ -1,0 +1,111 @@
+//! Takes over changes of a scene that was set: of its lights, its time and its materials.
+
+use super::Renderer;
+use crate::error::Result;
+use crate::geometry::ball;
+use crate::material::MaterialOnGpu;
+use crate::passes::main::Pipelines;
+use crate::passes::transfer::Lit;
+use crate::scene::{Instance, Scene, Wind};
+use crate::validate;
+use crate::variant::{Variant, shadow_layers};
+
+impl Renderer {
+    /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were; moving
+    /// the sun redraws the shadow maps, all else is free. A light that appears or goes reloads the scene, since other
+    /// maps are needed then.
+    pub fn set_lights(&mut self, scene: &Scene) -> Result<()> {
+        let same = self.loaded.as_ref().is_some_and(|l| {
+            l.sun.is_some() == scene.sun.is_some()
+                && l.sky.is_some() == scene.sky.is_some()
+                && l.dome.is_some() == scene.dome.is_some()
+                && l.scanner.is_some() == scene.scanner.is_some()
+                && l.transfer.is_some() == scene.transfer.is_some()
+                && l.sun_shares.as_ref().map(|s| s.len()) == scene.sun_shares.as_ref().map(|s| s.len())
+                && l.shadow_layers == shadow_layers(scene)
+                && l.shadow_resolution == scene.shadow_resolution
+                && l.msaa == scene.msaa
+        });
+        if !same {
+            return self.set_scene(scene);
+        }
+        validate::lights(&self.gpu, scene)?;
+        let Some(loaded) = &mut self.loaded else { return Ok(()) };
+        if let (Some(sun), Some(shadow)) = (scene.sun, &mut loaded.shadow)
+            && loaded.sun.is_none_or(|old| old.direction != sun.direction || old.radius != sun.radius)
+        {
+            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.casters);
+        }
+        (loaded.sun, loaded.sky, loaded.background) = (scene.sun, scene.sky, scene.background);
+        loaded.scanner = scene.scanner;
+        if let Some(dome) = &scene.dome {
+            loaded.main.set_dome(&self.gpu, dome);
+        }
+        if let Some(transfer) = &mut loaded.transfer {
+            transfer.set_light(&self.gpu, &Lit::of(scene), &mut self.stats);
+        }
+        loaded.dome = scene.dome.clone();
+        if let Some(shares) = scene.sun_shares.as_ref().filter(|_| loaded.sun_shares != scene.sun_shares) {
+            loaded.main.set_shares(&self.gpu, shares);
+            loaded.sun_shares = scene.sun_shares.clone();
+        }
+        self.tonemap.set_exposure(&self.gpu, scene.exposure);
+        Ok(())
+    }
+
+    /// Takes over another time of `wind`, which is otherwise as it was: branches and what rides on them move, and
+    /// shadows with them.
+    pub fn set_time(&mut self, wind: &Wind) {
+        let Some(loaded) = &mut self.loaded else { return };
+        let Some(bend) = &loaded.bend else { return };
+        bend.set_time(&self.gpu, loaded.extents.branches(), loaded.extents.sections(), wind);
+        loaded.casters = loaded.extents.casters(Some(wind));
+        loaded.ball = ball(&loaded.extents.corners(Some(wind)));
+        if let (Some(sun), Some(shadow)) = (loaded.sun, &mut loaded.shadow) {
+            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.casters);
+        }
+    }
+
+    /// Takes over a change of material `index`, with meshes, masks and instances as they were. Only what the change
+    /// touched is uploaded: a curve where a slider moved a curve, and no map that is as it was.
+    ///
+    /// # Errors
+    /// As [`Renderer::set_scene`].
+    pub fn set_material(&mut self, scene: &Scene, index: usize) -> Result<()> {
+        validate::material(&self.gpu, scene, index)?;
+        let Some(loaded) = &mut self.loaded else { return self.set_scene(scene) };
+        let Some(before) = loaded.materials.get(index).and_then(Option::as_ref) else { return Ok(()) };
+        let guard = self.gpu.guard();
+        let (gpu, stats) = (&self.gpu, &mut self.stats);
+        let mut new = None;
+        for batch in loaded.batches.iter_mut().filter(|b| b.material == index) {
+            let own = |i: &&Instance| (i.mesh, i.material) == (batch.mesh, index);
+            let instances: Vec<Instance> = scene.instances.iter().filter(own).copied().collect();
+            let Some(variant) = Variant::new(gpu, scene, &instances) else { continue };
+            batch.variant = variant;
+            self.pipelines.need(gpu, &variant, stats);
+            new.get_or_insert_with(|| {
+                let (material, tables) = (&scene.materials[index], &mut self.tables);
+                MaterialOnGpu::new(gpu, index, material, &variant, &self.samplers, tables, Some(before), stats)
+            });
+        }
+        for (i, mesh) in loaded.meshes.iter_mut().enumerate() {
+            if let Some(mesh) = mesh {
+                mesh.complete(gpu, i, &scene.meshes[i], &loaded.batches, stats);
+            }
+        }
+        if let Err(error) = guard.finish(&self.gpu) {
+            self.pipelines = Pipelines::default();
+            self.loaded = None;
+            return Err(error);
+        }
+        if new.is_some() {
+            loaded.materials[index] = new;
+        }
+        if let Some(mut shadow) = loaded.shadow.take() {
+            shadow.bind_masks(&self.gpu, loaded.drawn(), &self.samplers);
+            loaded.shadow = Some(shadow);
+        }
+        Ok(())
+    }
+}

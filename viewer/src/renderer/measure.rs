@@ -1,0 +1,81 @@
+//! What is measured of a scene that was set, besides its pictures: times, bent vertices, lengths of shaders.
+
+use super::Renderer;
+use crate::bend::Moved;
+use crate::error::{Error, Result};
+use crate::readback;
+use crate::scene::{Camera, Scene};
+use crate::timing::{Clock, PASSES, Timing};
+use crate::variant::Variant;
+use glam::Vec3;
+use std::time::Instant;
+
+impl Renderer {
+    /// Draws the picture `frames` times after one to warm up, without reading it back.
+    pub fn time(&mut self, camera: &Camera, width: u32, height: u32, frames: usize) -> Result<Timing> {
+        let clock = Clock::new(&self.gpu);
+        let mut timing = Timing::default();
+        if let Some(shadow) = self.loaded.as_mut().and_then(|l| l.shadow.as_mut()) {
+            shadow.forget();
+        }
+        for i in 0..=frames {
+            // Shadow maps are drawn in the frame that warms up, and kept from then on.
+            let first = u32::from(i > 0 || self.loaded.as_ref().is_none_or(|l| l.shadow.is_none()));
+            let start = Instant::now();
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            self.record(&mut encoder, camera, width, height, clock.as_ref())?;
+            if let Some(clock) = &clock {
+                clock.resolve(&mut encoder, first);
+            }
+            self.gpu.queue.submit([encoder.finish()]);
+            readback::wait(&self.gpu)?;
+            if i > 0 {
+                timing.frame_ms.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+            if let Some(clock) = &clock {
+                for (name, ms) in PASSES[first as usize..].iter().zip(clock.read(&self.gpu, first)?) {
+                    if i > 0 || *name == "shadow" {
+                        match timing.passes.iter_mut().find(|(n, _)| n == name) {
+                            Some((_, all)) => all.push(ms),
+                            None => timing.passes.push((name.to_string(), vec![ms])),
+                        }
+                    }
+                }
+            }
+        }
+        Ok(timing)
+    }
+
+    /// Where the vertex stage puts the vertices of instance `index` of `scene`, which must be the one that was set:
+    /// position, normal and tangent each, in world space, computed by the same shader function that pictures are drawn
+    /// with.
+    ///
+    /// # Errors
+    /// `Scene` where nothing bends the instance or nothing was set, `Readback`.
+    pub fn bent_vertices(&self, scene: &Scene, index: usize) -> Result<Vec<[Vec3; 3]>> {
+        let bend = self.loaded.as_ref().and_then(|l| l.bend.as_ref());
+        let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| Moved::of(i).any())) else {
+            let place = format!("instance {index}");
+            return Err(Error::Scene {
+                place,
+                found: "nothing that bends it".into(),
+                expected: "an instance on a branch or a section of the set scene".into(),
+            });
+        };
+        let (mesh, m) = (&scene.meshes[instance.mesh], instance.transform);
+        let vertices: Vec<[Vec3; 3]> = (0..mesh.positions.len())
+            .map(|k| {
+                let turned = |d: Vec3| m.transform_vector3(d);
+                [m.transform_point3(mesh.positions[k]), turned(mesh.normals[k]), turned(mesh.tangents[k].truncate())]
+            })
+            .collect();
+        bend.probe(&self.gpu, instance, &vertices)
+    }
+
+    /// Operations of the fragment shader that material `index` of `scene` is drawn with (see `operations`): a figure
+    /// to compare shaders by. `None` for a material that stands nowhere.
+    pub fn operations(&self, scene: &Scene, index: usize) -> Option<usize> {
+        let instance = *scene.instances.iter().find(|i| i.material == index)?;
+        crate::operations::count(&crate::passes::main::source(&Variant::new(&self.gpu, scene, &[instance])?))
+    }
+}
