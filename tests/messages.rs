@@ -17,23 +17,27 @@ fn loud() -> Command {
     command
 }
 
-/// The first line of standard error that has all the words, and when it came; the program is ended then, or after three
-/// minutes.
-fn first_line(mut child: Child, words: &'static [&'static str]) -> (String, Duration) {
+/// Reads standard error until a line has all the words of `last`: the first line with the words of `first`, when it came,
+/// and that last line. The program is ended then, or after three minutes.
+fn lines_with(mut child: Child, first: &[&str], last: &[&str]) -> (String, Duration, String) {
     let start = Instant::now();
     let (send, receive) = std::sync::mpsc::channel();
     let lines = BufReader::new(child.stderr.take().unwrap()).lines();
     std::thread::spawn(move || lines.map_while(Result::ok).for_each(|line| drop(send.send(line))));
-    let mut all = Vec::new();
+    let (mut all, mut began) = (Vec::new(), None);
     while let Ok(line) = receive.recv_timeout(Duration::from_secs(180).saturating_sub(start.elapsed())) {
         all.push(line.clone());
-        if words.iter().all(|w| line.contains(w)) {
+        let has = |words: &[&str]| words.iter().all(|w| line.contains(w));
+        if has(first) && began.is_none() {
+            began = Some((line.clone(), start.elapsed()));
+        }
+        if let Some((began, after)) = began.clone().filter(|_| has(last)) {
             let _ = (child.kill(), child.wait());
-            return (line, start.elapsed());
+            return (began, after, line);
         }
     }
     let _ = (child.kill(), child.wait());
-    panic!("no line with {words:?} within three minutes in: {all:#?}");
+    panic!("no lines with {first:?} and {last:?} within three minutes in: {all:#?}");
 }
 
 #[test]
@@ -44,12 +48,12 @@ fn long_work_says_every_ten_seconds_how_far_it_is() {
         command.args(long).arg(dir.path().join(name)).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
     };
     let mut quiet = synth(&mut mesophyll(), "quiet");
-    // Whatever is under way: growing the leaf, or its first frames.
-    let (line, after) = first_line(synth(&mut loud(), "loud"), &["synth: ", " s"]);
+    // The first is of whatever is under way: growing the leaf, or its first frames.
+    let scanning = ["synth: scanning: ", " of 40000 (", " left"];
+    let (line, after, last) = lines_with(synth(&mut loud(), "loud"), &["synth: ", " s"], &scanning);
     assert!(after > Duration::from_secs(8) && after < Duration::from_secs(25), "{line} came after {after:?}");
-    let (line, _) = first_line(synth(&mut loud(), "frames"), &["synth: scanning: ", " of 40000 (", " left"]);
-    let done: u64 = line.split(' ').nth(2).unwrap().parse().unwrap();
-    assert!(done > 0, "{line}");
+    let done: u64 = last.split(' ').nth(2).unwrap().parse().unwrap();
+    assert!(done > 0, "{last}");
     quiet.kill().unwrap();
     let mut said = String::new();
     quiet.stderr.take().unwrap().read_to_string(&mut said).unwrap();

@@ -74,9 +74,18 @@ fn unknown_names_are_usage_errors_with_the_list() {
 }
 
 #[test]
-fn bench_gives_rows_a_plot_and_the_frontier() {
+fn bench_gives_rows_a_plot_and_the_frontier_and_skips_missing_peers_with_a_word() {
     let folder = tempfile::tempdir().unwrap();
-    let rows = rows(&["bench", "solve", "--json", "-o", folder.path().to_str().unwrap()]);
+    let output = mesophyll()
+        .args(["bench", "solve", "--peers", "--json", "-o", folder.path().to_str().unwrap()])
+        .env("MESOPHYLL_PYTHON", "no-such-python")
+        .assert()
+        .code(0);
+    let output = output.get_output();
+    assert!(String::from_utf8_lossy(&output.stderr).contains("skipped"));
+    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let rows = value["rows"].as_array().unwrap();
+    assert!(!rows.is_empty() && rows.iter().all(|r| r["knob"] != "peer"));
     let errors = |knob: &str| -> Vec<f64> {
         rows.iter().filter(|r| r["knob"] == knob).map(|r| r["error"].as_f64().unwrap()).collect()
     };
@@ -90,18 +99,4 @@ fn bench_gives_rows_a_plot_and_the_frontier() {
     let svg = std::fs::read_to_string(folder.path().join("bench-solve.svg")).unwrap();
     assert!(svg.contains("run time"));
     assert!(folder.path().join("bench.json").exists());
-}
-
-#[test]
-fn missing_peers_are_skipped_with_a_word() {
-    let output = mesophyll()
-        .args(["bench", "solve", "--peers", "--json"])
-        .env("MESOPHYLL_PYTHON", "no-such-python")
-        .assert()
-        .code(0);
-    let output = output.get_output().clone();
-    assert!(String::from_utf8(output.stderr).unwrap().contains("skipped"));
-    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let rows = value["rows"].as_array().unwrap();
-    assert!(!rows.is_empty() && rows.iter().all(|r| r["knob"] != "peer"));
 }

@@ -190,23 +190,17 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
         "noise of the reference: {} {}",
         untouched["views"][0]["noise_flip_p99"], untouched["views"][0]["noise_max_error"]
     );
+    // What old hashes and the path-traced reference say of such a fit does not depend on how many leaves there are: the
+    // test above asks that.
     for how in ["mirrored normal", "swapped sides", "thicker", "sRGB read as linear"] {
-        for hashed in [false, true] {
-            std::fs::remove_dir_all(&fit).unwrap();
-            copy(&kept, &fit);
-            tamper(how, &fit);
-            if hashed {
-                rehash(&fit);
-            }
-            let output = check(&path, if hashed { &[] } else { &["--goldens-only"] });
-            let report = json(&output);
-            assert_eq!(
-                (output.status.code(), &report["passed"]),
-                (Some(1), &Value::Bool(false)),
-                "{how}, hashed anew: {hashed}: {report:#}"
-            );
-            assert_eq!(report["views"][0]["passed"], false, "{how}: {report:#}");
-        }
+        std::fs::remove_dir_all(&fit).unwrap();
+        copy(&kept, &fit);
+        tamper(how, &fit);
+        rehash(&fit);
+        let output = check(&path, &["--goldens-only"]);
+        let report = json(&output);
+        assert_eq!((output.status.code(), &report["passed"]), (Some(1), &Value::Bool(false)), "{how}: {report:#}");
+        assert_eq!(report["views"][0]["passed"], false, "{how}: {report:#}");
     }
 }
 

@@ -141,7 +141,7 @@ const TAMPERINGS: [Tampering; 7] = [
 ];
 
 /// The goldens here are drawn from the committed fits as they are, so that this test says nothing of the committed
-/// pictures.
+/// pictures. That untouched fits meet their goldens is what the test above asks of every scene.
 #[test]
 fn a_consistent_but_wrong_fit_misses_its_golden() {
     let dir = tempfile::tempdir().unwrap();
@@ -166,8 +166,6 @@ fn a_consistent_but_wrong_fit_misses_its_golden() {
                 return;
             }
             assert_eq!(output.status.code(), Some(0), "{scene}: {:#}", json(&output));
-            let output = check(&path, &out, &[]);
-            assert_eq!(output.status.code(), Some(0), "{scene}, untouched: {:#}", json(&output));
         }
         act(&fits);
         let output = check(&path, &out, &[]);

@@ -133,12 +133,17 @@ fn lit_once(mesh: &LeafMesh, placement: &Placement, sun: DVec3, radius: f64) -> 
         let corners = [flat[a], flat[b], flat[c]].map(|p| (p - low) / texel);
         let from = corners[0].min(corners[1]).min(corners[2]).floor();
         let to = corners[0].max(corners[1]).max(corners[2]).ceil().min(DVec2::splat(RASTER as f64));
+        let edges = [0, 1, 2].map(|k: usize| (corners[(k + 1) % 3] - corners[k]) * cosine.signum());
         for y in from.y as usize..to.y as usize {
+            // What the row adds to the distance from each edge.
+            let of_row = [0, 1, 2].map(|k: usize| edges[k].x * (y as f64 + 0.5 - corners[k].y));
             for x in from.x as usize..to.x as usize {
-                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let edge = |k: usize| (corners[(k + 1) % 3] - corners[k]).perp_dot(p - corners[k]) * cosine.signum();
+                let px = x as f64 + 0.5;
                 // Centres on an edge count for neither neighbour.
-                if (0..3).all(|k| edge(k) > 1e-9) && std::mem::replace(&mut covered[y * RASTER + x], true) {
+                let inside = of_row[0] - edges[0].y * (px - corners[0].x) > 1e-9
+                    && of_row[1] - edges[1].y * (px - corners[1].x) > 1e-9
+                    && of_row[2] - edges[2].y * (px - corners[2].x) > 1e-9;
+                if inside && std::mem::replace(&mut covered[y * RASTER + x], true) {
                     return false;
                 }
             }

@@ -1,11 +1,14 @@
 //! What the tests share: random scenes, and the search that knows no box.
 
-#![allow(dead_code)]
-
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Hit, Level, Ray, Shape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+
+/// Which hits count. A pointer, and not a closure: the searches are generic, and every closure compiles them anew.
+pub type Accept = fn(usize, usize, [f64; 2]) -> bool;
+
+pub const EVERY: Accept = |_, _, _| true;
 
 pub fn seeded(seed: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed)

@@ -1,9 +1,7 @@
 //! Nothing leaks: shared edges and corners, wide scenes with narrow gaps; and scenes that are empty, piled up, or
 //! refuse hits.
 
-mod common;
-
-use common::{alone, levels, numbered, point, seeded};
+use crate::common::{Accept, EVERY, alone, levels, numbered, point, seeded};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;
@@ -52,8 +50,8 @@ fn closed_surfaces_are_closed() {
                 let origin = centre + point(&mut rng, 0.5 * radius);
                 for target in [a, b, c, (a + b) * 0.5, b + (c - b) * rng.random::<f64>(), (a + c) * 0.5] {
                     let ray = Ray::new(origin, target - origin);
-                    assert!(forest.nearest(&ray, |_, _, _| true).is_some(), "a ray to {target} escapes");
-                    assert!(forest.blocked(&ray, |_, _, _| true));
+                    assert!(forest.nearest(&ray, EVERY).is_some(), "a ray to {target} escapes");
+                    assert!(forest.blocked(&ray, EVERY));
                 }
             }
         }
@@ -79,7 +77,7 @@ fn rays_through_shared_edges_and_corners_do_not_leak() {
         for i in 1..2 * n {
             let target = turn.transform_point3(DVec3::new(f64::from(i) * 0.05, f64::from(j) * 0.15, 0.7));
             for origin in [target + DVec3::Z, target - DVec3::Z * 3.0, DVec3::new(5.0, -3.0, 9.0)] {
-                let found = forest.nearest(&Ray::new(origin, target - origin), |_, _, _| true);
+                let found = forest.nearest(&Ray::new(origin, target - origin), EVERY);
                 assert!(found.is_some(), "leak at {i} {j}");
             }
         }
@@ -132,10 +130,10 @@ fn forty_metres_with_gaps_of_ten_millimetres() {
                 for (origin, aim) in [(between, target), (far, target)] {
                     let origin = turn.transform_point3(origin);
                     let ray = Ray::new(origin, turn.transform_point3(aim) - origin);
-                    let hit = forest.nearest(&ray, |_, _, _| true).expect("a ray between the plates meets one");
+                    let hit = forest.nearest(&ray, EVERY).expect("a ray between the plates meets one");
                     assert_eq!(upper(hit, single), from_above, "the wrong plate: a leak");
                     assert!((hit.t - 1.0).abs() < 1e-6, "{}", hit.t);
-                    assert!(forest.blocked_within(&ray, 1.0 + 1e-6, |_, _, _| true));
+                    assert!(forest.blocked_within(&ray, 1.0 + 1e-6, EVERY));
                 }
             }
         }
@@ -146,21 +144,24 @@ fn forty_metres_with_gaps_of_ten_millimetres() {
 fn empty_scenes_empty_leaves_and_refused_hits() {
     let ray = Ray::new(DVec3::Z, -DVec3::Z);
     let nothing = Forest::new(Vec::new(), &[]);
-    assert!(nothing.nearest(&ray, |_, _, _| true).is_none() && nothing.extent() == 0.0);
+    assert!(nothing.nearest(&ray, EVERY).is_none() && nothing.extent() == 0.0);
     for places in [1, 3] {
         let hollow = Forest::new(vec![Shape::new(&[], &[])], &vec![(0, DMat4::IDENTITY); places]);
-        assert!(hollow.nearest(&ray, |_, _, _| true).is_none() && !hollow.blocked(&ray, |_, _, _| true));
+        assert!(hollow.nearest(&ray, EVERY).is_none() && !hollow.blocked(&ray, EVERY));
     }
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
     let stacked: Vec<DVec3> = (0..3).flat_map(|k| sheet.map(|p| p - DVec3::Z * f64::from(k))).collect();
     for forest in levels(&alone(&stacked)) {
-        assert_eq!(forest.nearest(&ray, |_, t, _| t != 0).map(|h| h.triangle), Some(1));
-        assert!(!forest.blocked(&ray, |_, _, _| false));
-        assert!(forest.blocked(&ray, |_, t, b| t == 2 && (b[0] - 0.25).abs() < 1e-12 && (b[1] - 0.5).abs() < 1e-12));
+        let but_first: Accept = |_, t, _| t != 0;
+        let none: Accept = |_, _, _| false;
+        let third: Accept = |_, t, b| t == 2 && (b[0] - 0.25).abs() < 1e-12 && (b[1] - 0.5).abs() < 1e-12;
+        assert_eq!(forest.nearest(&ray, but_first).map(|h| h.triangle), Some(1));
+        assert!(!forest.blocked(&ray, none));
+        assert!(forest.blocked(&ray, third));
         // rays that go nowhere, or start on a sheet
-        assert!(forest.nearest(&Ray::new(DVec3::Z, DVec3::ZERO), |_, _, _| true).is_none());
-        assert!(forest.nearest(&Ray::new(DVec3::Z, DVec3::NAN), |_, _, _| true).is_none());
-        assert_eq!(forest.nearest(&Ray::new(DVec3::ZERO, -DVec3::Z), |_, _, _| true).map(|h| h.triangle), Some(1));
+        assert!(forest.nearest(&Ray::new(DVec3::Z, DVec3::ZERO), EVERY).is_none());
+        assert!(forest.nearest(&Ray::new(DVec3::Z, DVec3::NAN), EVERY).is_none());
+        assert_eq!(forest.nearest(&Ray::new(DVec3::ZERO, -DVec3::Z), EVERY).map(|h| h.triangle), Some(1));
     }
 }
 
@@ -172,13 +173,14 @@ fn piles_of_coincident_triangles() {
     for count in [9, 600, 20_000] {
         let pile: Vec<DVec3> = (0..count).flat_map(|_| sheet).collect();
         for forest in levels(&alone(&pile)) {
-            let found = forest.nearest(&ray, |_, _, _| true).unwrap();
+            let found = forest.nearest(&ray, EVERY).unwrap();
             assert_eq!((found.t, found.triangle), (1.0, 0));
         }
     }
     let places = vec![(0, DMat4::IDENTITY); 5000];
     let stacked = Forest::new(vec![Shape::new(&sheet, &numbered(&sheet))], &places);
-    assert_eq!(stacked.nearest(&ray, |instance, _, _| instance > 6).map(|h| (h.t, h.instance)), Some((1.0, 7)));
+    let late: Accept = |instance, _, _| instance > 6;
+    assert_eq!(stacked.nearest(&ray, late).map(|h| (h.t, h.instance)), Some((1.0, 7)));
 }
 
 /// Triangles without an area, without a size or without a place disturb nothing.
@@ -192,13 +194,13 @@ fn degenerate_triangles_are_passed_by() {
     positions.extend([DVec3::INFINITY, DVec3::X, DVec3::Y]);
     for forest in levels(&alone(&positions)) {
         for origin in [DVec3::Z, DVec3::new(0.1, 0.0, 1.0)] {
-            let hit = forest.nearest(&Ray::new(origin, -DVec3::Z), |_, _, _| true).unwrap();
+            let hit = forest.nearest(&Ray::new(origin, -DVec3::Z), EVERY).unwrap();
             assert_eq!((hit.triangle, hit.t), (0, 1.0));
         }
         assert!(forest.extent().is_finite());
     }
     let point = alone(&[DVec3::ONE; 3]);
-    assert!(point.nearest(&Ray::new(DVec3::ZERO, DVec3::ONE), |_, _, _| true).is_none());
+    assert!(point.nearest(&Ray::new(DVec3::ZERO, DVec3::ONE), EVERY).is_none());
 }
 
 /// Both sides of a triangle are met, with the same barycentric coordinates.
@@ -208,7 +210,7 @@ fn back_faces_are_met() {
     for forest in levels(&alone(&sheet)) {
         let [front, back] = [1.0, -1.0].map(|side| {
             let ray = Ray::new(DVec3::new(0.1, 0.2, side), DVec3::new(0.0, 0.0, -side));
-            forest.nearest(&ray, |_, _, _| true).unwrap()
+            forest.nearest(&ray, EVERY).unwrap()
         });
         assert_eq!(front, back);
     }

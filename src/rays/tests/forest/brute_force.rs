@@ -1,8 +1,6 @@
 //! What trees find is what is found without them.
 
-mod common;
-
-use common::{alone, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup};
+use crate::common::{EVERY, alone, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup};
 use glam::{DMat4, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use proptest::prelude::*;
@@ -31,13 +29,13 @@ fn instances_are_met_where_brute_force_meets_them() {
         let ray = Ray::new(origin, point(&mut rng, 4.0) - origin);
         let expected = by_solving(&world, &ray);
         for forest in &forests {
-            let found = forest.nearest(&ray, |_, _, _| true);
+            let found = forest.nearest(&ray, EVERY);
             assert_eq!(found.map(|h| h.instance * 40 + h.triangle), expected.map(|e| e.0));
-            assert_eq!(forest.blocked(&ray, |_, _, _| true), expected.is_some());
+            assert_eq!(forest.blocked(&ray, EVERY), expected.is_some());
             if let (Some(h), Some((_, t))) = (found, expected) {
                 assert!((h.t - t).abs() < 1e-9);
-                assert!(forest.blocked_within(&ray, t + 1e-9, |_, _, _| true));
-                assert!(!forest.blocked_within(&ray, t - 1e-9, |_, _, _| true));
+                assert!(forest.blocked_within(&ray, t + 1e-9, EVERY));
+                assert!(!forest.blocked_within(&ray, t - 1e-9, EVERY));
                 hits += 1;
             }
         }
@@ -69,8 +67,8 @@ fn results_are_those_of_the_double_precision_test_at_any_scale() {
                     let ray = Ray::new(origin, (aim - origin) * 10f64.powi(rng.random_range(-6..6)));
                     let expected = one_by_one(&triangles, &ray);
                     for forest in &forests {
-                        assert_eq!(forest.nearest(&ray, |_, _, _| true), expected, "scale {scale} size {size}");
-                        assert_eq!(forest.blocked(&ray, |_, _, _| true), expected.is_some());
+                        assert_eq!(forest.nearest(&ray, EVERY), expected, "scale {scale} size {size}");
+                        assert_eq!(forest.blocked(&ray, EVERY), expected.is_some());
                     }
                     (rays, hits) = (rays + 1, hits + usize::from(expected.is_some()));
                 }
@@ -112,8 +110,8 @@ fn grazing_and_axis_parallel_rays() {
                 let expected = one_by_one(&triangles, &ray);
                 hits += usize::from(expected.is_some());
                 for forest in &forests {
-                    assert_eq!(forest.nearest(&ray, |_, _, _| true), expected);
-                    assert_eq!(forest.blocked(&ray, |_, _, _| true), expected.is_some());
+                    assert_eq!(forest.nearest(&ray, EVERY), expected);
+                    assert_eq!(forest.blocked(&ray, EVERY), expected.is_some());
                 }
             }
         }
@@ -140,7 +138,7 @@ proptest! {
             for (origin, direction) in &rays {
                 let ray = Ray::new(at(*origin), DVec3::from(direction.map(f64::from)));
                 let expected = if ray.direction == DVec3::ZERO { None } else { one_by_one(&triangles, &ray) };
-                prop_assert_eq!(forest.nearest(&ray, |_, _, _| true), expected);
+                prop_assert_eq!(forest.nearest(&ray, EVERY), expected);
             }
         }
     }
@@ -159,6 +157,6 @@ fn one_instance_and_several_agree() {
     for _ in 0..2000 {
         let origin = turned.transform_point3(point(&mut rng, 2.0));
         let ray = Ray::new(origin, turned.transform_point3(point(&mut rng, 1.0)) - origin);
-        assert_eq!(single.nearest(&ray, |_, _, _| true), several.nearest(&ray, |_, _, _| true));
+        assert_eq!(single.nearest(&ray, EVERY), several.nearest(&ray, EVERY));
     }
 }

@@ -1,0 +1,5 @@
+//! Trees of triangles against searches that know no tree.
+
+mod brute_force;
+mod closed;
+mod common;
