@@ -4,9 +4,11 @@
 //! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the
 //! hidden file [`MARK`] names the kind. The parts of a fit that was stopped lie in a folder whose name says the kind.
 
+mod held;
+
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
-use serde_json::Value;
+use held::{fit_there, holds, is_capture, marked, marks, stranger};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -90,12 +92,6 @@ const CAPTURE_NAMES: [&str; 12] = [
 /// that ending.
 const ENDINGS: [&str; 14] =
     ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4"];
-
-/// What a folder holds, in words for a message, and whether it is of the kind that claims it.
-struct Held {
-    words: String,
-    same: bool,
-}
 
 /// Claims `folder` for what a verb makes of `inputs`: makes it if needed and proves that it can be written.
 ///
@@ -301,92 +297,6 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
 /// Whether `name` is one of the frames of the film in `home`.
 fn is_frame(home: &Path, name: &str) -> bool {
     !marks(home, Kind::Film).is_empty() && name.starts_with("frame-") && name.ends_with(".png")
-}
-
-/// Everything that `folder` holds of what verbs make.
-fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
-    let mut out = Vec::new();
-    let mut found = |kind: Kind, words: String| out.push(Held { same: kind == claimed, words });
-    if is_capture(folder) {
-        found(Kind::Capture, "a capture (capture.toml)".into());
-    }
-    if let Some(fit) = fit_there(folder) {
-        found(Kind::Fit(fit.kind.as_deref().unwrap_or("unknown")), fit.words);
-    }
-    for name in fs::read_dir(folder).into_iter().flatten().flatten().filter(|e| e.path().is_dir()) {
-        if let Some(rest) = name.file_name().to_string_lossy().strip_prefix("parts-") {
-            // `parts-KIND-HASH`; leaf fits of earlier versions left their kind out.
-            let kind = rest.split_once('-').map_or("leaf", |(kind, _)| kind);
-            found(Kind::Fit(kind), format!("a {kind} fit that was stopped (its parts)"));
-        }
-    }
-    if let Some(words) = marked(folder) {
-        out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
-    }
-    for kind in [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Import] {
-        if let Some(mark) = marks(folder, kind).first() {
-            out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
-        }
-    }
-    out
-}
-
-/// The kind that the marker names, in words.
-fn marked(folder: &Path) -> Option<String> {
-    fs::read_to_string(folder.join(MARK)).ok().map(|text| text.trim().to_string())
-}
-
-/// The files by which a folder of this kind is known, as far as they are there and are what they are called.
-fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
-    let known: &[(&str, &str)] = match kind {
-        Kind::Scene => &[("plan.json", "needed"), ("check.json", "views"), ("ledger.json", "stages")],
-        Kind::Render => &[("render.json", "pictures")],
-        Kind::Film => &[("film.json", "film")],
-        Kind::Bench => &[("bench.json", "rows")],
-        Kind::Maps => &[("ranges.json", "files")],
-        Kind::Pivots => &[("pivots.json", "elements")],
-        Kind::Import => &[("import.json", "pieces")],
-        Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],
-    };
-    let says = |name: &str, key: &str| {
-        let bytes = fs::read(folder.join(name)).unwrap_or_default();
-        serde_json::from_slice::<Value>(&bytes).is_ok_and(|v| v.get(key).is_some())
-    };
-    known.iter().filter(|(name, key)| says(name, key)).map(|(name, _)| *name).collect()
-}
-
-fn is_capture(folder: &Path) -> bool {
-    folder.join("capture.toml").is_file()
-}
-
-/// What the `fit.toml` of a folder says; a file of that name that cannot be read is somebody's all the same.
-struct FitThere {
-    kind: Option<String>,
-    files: Vec<String>,
-    words: String,
-}
-
-fn fit_there(folder: &Path) -> Option<FitThere> {
-    let path = folder.join("fit.toml");
-    if !path.is_file() {
-        return None;
-    }
-    let table = fs::read_to_string(&path).ok().and_then(|text| text.parse::<toml::Table>().ok()).unwrap_or_default();
-    let text = |key: &str| table.get(key).and_then(toml::Value::as_str).map(str::to_string);
-    let files =
-        table.get("files").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect()).unwrap_or_default();
-    let words = match (text("kind"), text("name")) {
-        (Some(kind), name) => format!("the {kind} fit \"{}\"", name.unwrap_or_default()),
-        _ => "a fit.toml that says no kind".into(),
-    };
-    Some(FitThere { kind: text("kind"), files, words })
-}
-
-/// The first file with one of these endings, by name. Hidden files and folders do not count.
-fn stranger(folder: &Path, endings: &[&str]) -> Option<String> {
-    let list = fs::read_dir(folder).ok()?;
-    let files = list.flatten().filter(|e| e.path().is_file()).map(|e| e.file_name().to_string_lossy().into_owned());
-    files.filter(|n| !n.starts_with('.') && ending(Path::new(n)).is_some_and(|e| endings.contains(&e.as_str()))).min()
 }
 
 fn ending(path: &Path) -> Option<String> {
