@@ -7,6 +7,7 @@
 
 #![warn(missing_docs)]
 
+pub mod blocks;
 mod capture;
 mod card;
 pub mod consistency;
@@ -14,6 +15,7 @@ mod cost;
 pub mod day;
 pub mod golden;
 pub mod interiors;
+pub mod lawns;
 pub mod methods;
 mod perspective;
 mod pictures;

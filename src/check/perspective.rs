@@ -1,6 +1,7 @@
 //! A view of the scene: the renderer's picture against the reference's, with translucency by the convolution or as the
 //! maps store it, and against the golden picture where there is one.
 
+use crate::blocks;
 use crate::cost::timed;
 use crate::pictures::save;
 use crate::report::{TrueLeaf, ViewReport, exceeds};
@@ -50,8 +51,16 @@ pub fn one_view(
     let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
     let other = own.view(scene, view, seed.wrapping_add(1))?;
     out.reference_s = start.elapsed().as_secs_f64();
-    let seen = compare::compare(&truth, &picture.ldr)?;
-    let noise = compare::noise_floor(&truth, &other)?;
+    let (seen, noise) = match view.blocks {
+        None => (compare::compare(&truth, &picture.ldr)?, compare::noise_floor(&truth, &other)?),
+        Some(side) => {
+            let mean = |hdr: &[[f32; 4]]| blocks::picture(hdr, [w, h], side as usize, manifest.exposure);
+            let right = mean(&truth.hdr);
+            let against = |hdr: &[[f32; 4]]| compare::compare(&right, &mean(hdr).ldr);
+            (against(&picture.hdr)?, against(&other.hdr)?)
+        }
+    };
+    out.blocks = view.blocks;
     out.flip_mean = seen.flip_mean;
     out.flip_p99 = seen.flip_p99;
     out.max_error = seen.max_error;
@@ -90,7 +99,8 @@ impl ViewReport {
             None => self.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
             Some(e) if exceeds(e, limit) => {
                 let (x, y) = self.max_at.unwrap_or_default();
-                self.why.push(format!("pixel ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
+                let what = if self.blocks.is_some() { "block" } else { "pixel" };
+                self.why.push(format!("{what} ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
             }
             Some(_) => {}
         }

@@ -28,7 +28,7 @@ pub fn save(
     // Twice what is seen and twice what is allowed both lie on the scale, so that maps of good pictures are not black.
     let needed = 2.0 * seen.flip_p99.max(view.threshold_flip_p99.unwrap_or(0.0));
     let top = TOPS.into_iter().find(|t| *t >= needed).unwrap_or(1.0);
-    image::write_png(&options.out.join(&names[3]), w, h, &seen.flip_picture(top))?;
+    image::write_png(&options.out.join(&names[3]), seen.width, seen.height, &seen.flip_picture(top))?;
     (view.flip_top, view.difference_top) = (Some(top), Some(128.0 / GAIN / 255.0));
     view.pictures = Some(names);
     Ok(())

@@ -68,6 +68,8 @@ pub struct ViewReport {
     /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the
     /// reference by the convolution.
     pub basis: Option<(f64, f64)>,
+    /// Judged by the means of blocks of so many pixels a side.
+    pub blocks: Option<u32>,
     /// Judged against the reference by the stored coefficients.
     pub by_maps: bool,
     /// The same for the largest error.
@@ -131,6 +133,7 @@ impl ViewReport {
             "flip_p99": self.flip_p99,
             "max_error": self.max_error,
             "max_at": self.max_at.map(|(x, y)| [x, y]),
+            "blocks": self.blocks,
             "interior_share": self.interior_share,
             "noise_flip_p99": self.noise_flip_p99,
             "noise_max_error": self.noise_max_error,

@@ -81,6 +81,27 @@ macro_rules! sweep {
     };
 }
 
+/// Slices beside the blades that they stand for, and drawn lawns where there is a renderer.
+#[cfg(feature = "render")]
+const LAWN_PIECES: u64 = grass::bench::PIECES + mesophyll_check::lawns::PIECES;
+#[cfg(not(feature = "render"))]
+const LAWN_PIECES: u64 = grass::bench::PIECES;
+
+fn lawns(bar: &Bar) -> Result<Vec<BenchRow>> {
+    #[allow(unused_mut)]
+    let mut rows = grass::bench::rows(bar)?;
+    #[cfg(feature = "render")]
+    rows.extend(mesophyll_check::lawns::rows(bar)?.into_iter().map(|row| BenchRow {
+        model: "grass".into(),
+        knob: row.knob.into(),
+        setting: row.setting,
+        error: row.error,
+        us: row.us,
+        note: row.note,
+    }));
+    Ok(rows)
+}
+
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
@@ -207,7 +228,7 @@ pub const MODELS: [Model; 24] = [
     Model {
         name: "grass",
         fit: verb!(fit::grass, "Slices of a meadow, drawn in real time, from its blades"),
-        bench: Some(Sweep { steps: grass::bench::PIECES, rows: grass::bench::rows, pictures: None, peers: None }),
+        bench: Some(Sweep { steps: LAWN_PIECES, rows: lawns, pictures: None, peers: None }),
         stress: Some(|| Ok(grass::stress::rows())),
         ..NONE
     },

@@ -173,7 +173,7 @@ pub fn seen(texel: &[f64; CHANNELS], d: DVec3) -> [f64; 3] {
 }
 
 /// What a slice gives along −`d` of a sun's light (an irradiance of π across it): reflected where the seen side faces
-/// the sun, let through elsewhere; past the other slices.
+/// the sun, let through elsewhere; past the other slices. Directions are those of the lawn as the wind leans it.
 pub fn lit(
     slices: &Slices,
     crossing: &Crossing,
@@ -182,10 +182,11 @@ pub fn lit(
     sun: DVec3,
     level: f64,
 ) -> [f64; 3] {
-    let side = if first(texel, d) { 1.0 } else { -1.0 };
-    let normal = (DVec3::new(texel[10], texel[11], texel[12]) * side).normalize_or_zero();
+    let own = crossing.unleant(d);
+    let side = if first(texel, own) { 1.0 } else { -1.0 };
+    let normal = crossing.turned(DVec3::new(texel[10], texel[11], texel[12]) * side).normalize_or_zero();
     let cos = normal.dot(sun);
-    let rho = if cos > 0.0 { seen(texel, d) } else { [texel[7], texel[8], texel[9]] };
-    let arrives = slices.arriving(crossing, texel, d, sun, level);
+    let rho = if cos > 0.0 { seen(texel, own) } else { [texel[7], texel[8], texel[9]] };
+    let arrives = slices.arriving(crossing, texel, own, crossing.unleant(sun), level);
     rho.map(|r| r * cos.abs() * arrives)
 }

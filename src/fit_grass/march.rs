@@ -8,7 +8,7 @@
 
 use crate::blades::{STEPS, shown};
 use crate::sheet::{BYTES, CHANNELS, Sheet};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Below this a ray counts as stopped.
 const OPAQUE: f64 = 1e-4;
@@ -57,8 +57,27 @@ pub struct Crossing {
     pub across: Across,
     /// Which one, counted without end from the rectangle around the origin.
     pub index: i64,
-    /// Where.
+    /// Where, in the lawn as it stands without wind.
     pub place: DVec3,
+    /// How the wind leans the lawn there: the way of a blade's point along x and y over its height.
+    pub lean: DVec2,
+}
+
+impl Crossing {
+    /// A direction as the lawn without wind has it.
+    pub fn unleant(&self, d: DVec3) -> DVec3 {
+        unleant(d, self.lean)
+    }
+
+    /// A normal of the lawn without wind (of any length) as the wind turns it.
+    pub fn turned(&self, normal: DVec3) -> DVec3 {
+        normal - DVec3::Z * self.lean.dot(normal.truncate())
+    }
+}
+
+/// A point or a direction of the leaning lawn as the lawn without wind has it.
+pub fn unleant(v: DVec3, lean: DVec2) -> DVec3 {
+    v - (lean * v.z).extend(0.0)
 }
 
 /// What a ray gathered.
@@ -75,7 +94,7 @@ pub struct Gathered {
 }
 
 impl Slices {
-    /// Shares of the opacity of upright slices, and of the level one, that count for a ray along the unit vector `d`.
+    /// Shares of the opacity of upright slices, and of the level one, that count for a ray along `d`.
     ///
     /// Blades of the area u a volume, of which a direction sees the share P(|Ω_z|), have the optical depth u P a
     /// length. Upright slices have u P(0) (|Ω_x| + |Ω_y|), the level one u P(1) |Ω_z| in the mean over the height.
@@ -85,6 +104,7 @@ impl Slices {
         if !self.weighted {
             return [1.0, 1.0];
         }
+        let d = d.normalize_or_zero();
         let wanted = shown(&self.projection, d.z);
         let upright = self.shown[0] * (d.x.abs() + d.y.abs());
         let level = self.shown[1] * d.z.abs();
@@ -161,11 +181,32 @@ impl Slices {
         d: DVec3,
         steps: usize,
         level: f64,
+        colour: impl FnMut(&Crossing, &[f64; CHANNELS]) -> [f64; 3],
+    ) -> Gathered {
+        self.march_leaning(origin, d, steps, level, |_| DVec2::ZERO, colour)
+    }
+
+    /// The same through a lawn that the wind leans: a point at the height z is z times `lean` from where it would be, by
+    /// the place (x, y) where it is. The shear of where the ray begins is taken from the ray, for all of the way; what the
+    /// shear at a slice differs from it is taken from the look-up, along the slice (H9 §2.3.2). So a wind that is the same
+    /// everywhere is exact, and gusts are right as long as they are much wider than the way of a ray in the lawn.
+    pub fn march_leaning(
+        &self,
+        origin: DVec3,
+        d: DVec3,
+        steps: usize,
+        level: f64,
+        lean: impl Fn(DVec2) -> DVec2,
         mut colour: impl FnMut(&Crossing, &[f64; CHANNELS]) -> [f64; 3],
     ) -> Gathered {
-        let weights = self.weights(d);
+        let first = lean(origin.truncate());
+        let (from, along) = (unleant(origin, first), unleant(d, first));
+        let weights = self.weights(along);
         let mut out = Gathered::default();
-        for crossing in self.crossings(origin, d, None).take(steps) {
+        for mut crossing in self.crossings(from, along, None).take(steps) {
+            crossing.lean = lean((origin + d * crossing.t).truncate());
+            let shift = (crossing.lean - first) * crossing.place.z;
+            (0..2).filter(|k| *k != crossing.across as usize).for_each(|k| crossing.place[k] -= shift[k]);
             let texel = self.texel(&crossing, weights, level);
             out.steps += 1;
             if texel[0] > 0.0 {
@@ -289,6 +330,6 @@ impl Iterator for Crossings<'_> {
                 now
             }
         };
-        Some(Crossing { t, across, index, place: self.origin + self.d * t })
+        Some(Crossing { t, across, index, place: self.origin + self.d * t, lean: DVec2::ZERO })
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::blades::STEPS;
 use crate::march::{Across, Crossing, Slices};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -48,7 +48,7 @@ fn at_blades(slices: &Slices, height: f64, up: f64) -> f64 {
         let mut at = DVec3::new(0.0, 0.0, height * slices.height);
         at[axis] = ((index as f64 + 0.5) / slices.count as f64 - 0.5) * slices.period[axis];
         at[1 - axis] = (along - 0.5) * slices.period[1 - axis];
-        let crossing = Crossing { t: 0.0, across, index, place: at };
+        let crossing = Crossing { t: 0.0, across, index, place: at, lean: DVec2::ZERO };
         let texel = slices.texel(&crossing, [1.0, 1.0], 0.0);
         let mut from = DVec3::ZERO;
         from[axis] = if turn % 2 == 0 { 1.0 } else { -1.0 };

@@ -27,6 +27,9 @@ pub struct Grass {
     /// A ray crosses at most so many slices; what it gathered stands for the rest.
     #[serde(default = "steps")]
     pub steps: usize,
+    /// How far the wind leans blades: the way of a point over its height, for each m/s. 0: they stand still in any wind.
+    #[serde(default)]
+    pub lean_per_m_s: f64,
 }
 
 fn steps() -> usize {

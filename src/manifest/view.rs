@@ -65,6 +65,9 @@ pub struct View {
     pub max_error: Option<f64>,
     /// Largest median frame time (ms); judged on real GPUs only.
     pub frame_ms: Option<f64>,
+    /// Pictures are compared by the means of blocks of so many pixels a side: where what is drawn stands for what is there
+    /// in the mean only, as slices do for a lawn's blades.
+    pub blocks: Option<u32>,
     /// What translucency is compared with.
     #[serde(default)]
     pub judged_by: JudgedBy,

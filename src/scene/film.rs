@@ -156,7 +156,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
 
 /// What a scene without motion is told.
 pub const NOTHING_MOVES: &str = "nothing moves in this scene, so that all frames would be one picture; expected a \
- [wind] and a branch or a plant in it, or a leaf whose chlorophyll fades_to less";
+ [wind] and a branch, a plant or a lawn in it, or a leaf whose chlorophyll fades_to less";
 
 impl Options {
     /// How many frames there are.

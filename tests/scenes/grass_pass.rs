@@ -2,18 +2,18 @@
 
 use crate::common;
 use crate::skips::{self, Need};
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use mesophyll::fit_grass::judge::{lit, seen};
-use mesophyll::fit_grass::march::{Across, Crossing, Slices};
+use mesophyll::fit_grass::march::{Across, Crossing, Slices, unleant};
 use mesophyll::fit_grass::sheet::CHANNELS;
 use mesophyll::manifest::Manifest;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::placed::leaf::Search;
-use mesophyll_viewer::scene::{Camera, Grass, GrassSheet, Material, Mesh, Opaque, Scene as Drawn, Sun};
+use mesophyll_viewer::scene::{Camera, Grass, GrassGusts, GrassSheet, Material, Mesh, Opaque, Scene as Drawn, Sun};
 use mesophyll_viewer::{Backend, Error, Options, Renderer};
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -73,9 +73,13 @@ fn held(slices: &Slices) -> Slices {
     let mut out = slices.clone();
     let sheets = [Some(&mut out.upright), out.level.as_mut()];
     let texels = sheets.into_iter().flatten().flat_map(|sheet| &mut sheet.levels).flat_map(|level| &mut level.texels);
-    // To the nearest number with ten bits after the first; smaller ones than 6e-5 keep more here, which shows nowhere.
-    texels.flatten().for_each(|v| *v = f32::from_bits((v.to_bits() + 0xfff + (v.to_bits() >> 13 & 1)) & !0x1fff));
+    texels.flatten().for_each(|v| *v = in_half(*v));
     out
+}
+
+/// The nearest number with ten bits after the first; smaller ones than 6e-5 keep more here, which shows nowhere.
+fn in_half(v: f32) -> f32 {
+    f32::from_bits((v.to_bits() + 0xfff + (v.to_bits() >> 13 & 1)) & !0x1fff)
 }
 
 /// Cameras that see the lawn edge-on, straight from above, at a grazing angle, along the slices, and from inside; the
@@ -121,16 +125,21 @@ fn rays(camera: &Camera, origin: Vec3, height: f64) -> Vec<(DVec3, DVec3)> {
         .collect()
 }
 
+/// How the wind leans a lawn at a place (x, y from the lawn's origin).
+type Lean<'a> = &'a dyn Fn(DVec2) -> DVec2;
+const STILL: Lean = &|_| DVec2::ZERO;
+
 /// Radiance by every pixel's ray: `colour` of the slices, and `soil` of the ground where there is light left.
 fn twin(
     slices: &Slices,
     camera: &Camera,
     origin: Vec3,
+    lean: Lean,
     colour: impl Fn(&Crossing, &[f64; CHANNELS], DVec3) -> [f64; 3],
     soil: impl Fn(DVec3) -> f64,
 ) -> Vec<([f64; 3], f64)> {
     let one = |(o, d): (DVec3, DVec3)| {
-        let found = slices.march(o, d, 256, 0.0, |c, t| colour(c, t, d));
+        let found = slices.march_leaning(o, d, 256, 0.0, lean, |c, t| colour(c, t, d));
         let ground = -o.z / d.z;
         let mut out = found.colour;
         if d.z < 0.0 && found.opacity <= 1.0 - 1e-4 {
@@ -185,9 +194,61 @@ fn the_pass_is_its_twin_on_gl() {
 }
 
 fn twins(backend: Backend, which: Range<usize>) {
-    let Some(mut renderer) = renderer_on(backend) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    beside_twins(backend, which, lawn(dir.path()), STILL);
+}
+
+/// In a wind whose gusts lean blades by a third of their height; the map is small, so that they differ from place to place.
+#[test]
+fn the_pass_in_the_wind_is_its_twin() {
     let dir = tempfile::tempdir().unwrap();
     let (mut drawn, slices) = lawn(dir.path());
+    let mut grass = drawn.grass[0].as_ref().clone();
+    let (origin, mean) = (grass.origin, DVec2::new(0.2, -0.1));
+    let (size, side) = (8usize, 1500.0);
+    let wave = |k: usize, turns: f64| (TAU * turns * (k as f64 + 0.5) / size as f64).sin();
+    let added = |k: usize| [0.1 * wave(k % size, 1.0), 0.12 * wave(k / size, 1.0) + 0.05 * wave(k % size, 2.0)];
+    let added: Vec<[f32; 2]> = (0..size * size).map(|k| added(k).map(|v| in_half(v as f32))).collect();
+    let turned = DVec2::from_angle(0.4) / side;
+    let gusts = GrassGusts {
+        mean: mean.as_vec2().to_array(),
+        size: size as u32,
+        added: added.clone(),
+        turn: [turned, turned.perp()],
+        drift: DVec2::new(0.3, 0.1),
+    };
+    // The map at 1.7 s, as an adapter reads it: linear between texel centres, and repeated.
+    let at = |place: DVec2| {
+        let p = gusts.place(place + origin.truncate().as_dvec2(), 1.7) * size as f64 - 0.5;
+        let (low, f) = (p.floor(), p - p.floor());
+        let one = |x: f64, y: f64| {
+            let k = |v: f64| v.rem_euclid(size as f64) as usize;
+            let v = added[k(low.y + y) * size + k(low.x + x)];
+            DVec2::new(f64::from(v[0]), f64::from(v[1]))
+        };
+        mean + one(0.0, 0.0).lerp(one(1.0, 0.0), f.x).lerp(one(0.0, 1.0).lerp(one(1.0, 1.0), f.x), f.y)
+    };
+    grass.gusts = Some(Arc::new(gusts.clone()));
+    drawn.grass = vec![Arc::new(grass)];
+    drawn.wind = Some(mesophyll_viewer::scene::Wind { size: 0, motion: Vec::new(), time_s: 1.7 });
+    beside_twins(Backend::Any, 0..7, (drawn.clone(), slices), &at);
+    // Another time: the map has gone on, and no scene is set anew.
+    let Some(mut renderer) = renderer() else { return };
+    let camera = &cameras(Vec3::new(32.3, -16.1, 4.0), 50.0)[3];
+    drawn.sky = Some([1.0; 3]);
+    renderer.set_scene(&drawn).unwrap();
+    let before = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
+    let mut wind = drawn.wind.clone().unwrap();
+    wind.time_s = 4.1;
+    renderer.set_time(&wind);
+    let after = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
+    drawn.wind = Some(wind);
+    renderer.set_scene(&drawn).unwrap();
+    assert!(before != after && after == renderer.render(camera, SIDE, SIDE).unwrap().hdr);
+}
+
+fn beside_twins(backend: Backend, which: Range<usize>, (mut drawn, slices): (Drawn, Slices), lean: Lean) {
+    let Some(mut renderer) = renderer_on(backend) else { return };
     let mut grass = drawn.grass[0].as_ref().clone();
     (grass.open, grass.soil_open, grass.scatter) = ([1.0; 17], 1.0, [0.0; 3]);
     let (origin, middle) = (grass.origin, Vec3::new(32.3, -16.1, 4.0));
@@ -199,13 +260,14 @@ fn twins(backend: Backend, which: Range<usize>) {
         // An even sky: what the two sides see of it above them.
         (drawn.sun, drawn.sky) = (None, Some([1.0; 3]));
         renderer.set_scene(&drawn).unwrap();
-        let colour = |_: &Crossing, t: &[f64; CHANNELS], d: DVec3| {
-            let n = DVec3::new(t[10], t[11], t[12]);
+        let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| {
+            let n = c.turned(DVec3::new(t[10], t[11], t[12]));
             let up = (n * -n.dot(d).signum()).normalize_or_zero().z;
-            let reflected = seen(t, d);
+            let reflected = seen(t, c.unleant(d));
             [0, 1, 2].map(|c: usize| reflected[c] * (0.5 + 0.5 * up) + t[7 + c] * (0.5 - 0.5 * up))
         };
-        let right: Vec<[f64; 3]> = twin(&slices, camera, origin, colour, |_| 1.0).into_iter().map(|r| r.0).collect();
+        let right = twin(&slices, camera, origin, lean, colour, |_| 1.0);
+        let right: Vec<[f64; 3]> = right.into_iter().map(|r| r.0).collect();
         agree(&format!("sky, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
         // A sun, through the slices.
         drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
@@ -213,10 +275,11 @@ fn twins(backend: Backend, which: Range<usize>) {
         renderer.set_scene(&drawn).unwrap();
         let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
         let soil = |place: DVec3| {
-            let place = DVec3::new(place.x, place.y, 0.0);
-            sun.z * (1.0 - slices.march(place, sun, 256, 0.0, |_, _| [0.0; 3]).opacity)
+            let to = unleant(sun, lean(place.truncate()));
+            sun.z * (1.0 - slices.march(place.with_z(0.0), to, 256, 0.0, |_, _| [0.0; 3]).opacity)
         };
-        let right: Vec<[f64; 3]> = twin(&slices, camera, origin, colour, soil).into_iter().map(|r| r.0).collect();
+        let right = twin(&slices, camera, origin, lean, colour, soil);
+        let right: Vec<[f64; 3]> = right.into_iter().map(|r| r.0).collect();
         agree(&format!("sun, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
     }
 }
@@ -248,7 +311,7 @@ fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
     let (mut shown, mut hidden) = (0, 0);
     for camera in &cameras(middle, slices.height as f32)[..6] {
         let picture = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
-        let depths = twin(&slices, camera, origin, |_, _, _| [0.0; 3], |_| 0.0);
+        let depths = twin(&slices, camera, origin, STILL, |_, _, _| [0.0; 3], |_| 0.0);
         let mut wrong = 0;
         for ((pixel, (o, d)), (_, depth)) in picture.iter().zip(rays(camera, origin, slices.height)).zip(depths) {
             let plate = (at - o.z) / d.z;
@@ -278,7 +341,7 @@ fn a_sun_below_the_horizon_lights_no_blade() {
             let dark = seen.iter().all(|p| p[..3] == [0.0; 3]);
             assert_eq!(dark, zenith > 90.0, "sun at {zenith}°, {camera:?}");
             let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
-            let right = twin(&slices, camera, origin, colour, |_| 0.0);
+            let right = twin(&slices, camera, origin, STILL, colour, |_| 0.0);
             assert_eq!(right.iter().all(|p| p.0 == [0.0; 3]), zenith > 90.0, "twin, sun at {zenith}°");
         }
     }
@@ -334,6 +397,34 @@ fn a_ray_that_is_cut_off_shows_the_colour_that_it_gathered() {
     assert!(filled > 500 && open > 500, "{filled} pixels are filled, {open} show the ground");
 }
 
+/// The same slices as polygons, sorted and blended: other geometry and another order of the sums, and the same picture. The
+/// targets have 16 bits, of which some twenty sums lose the last; where the middles of two polygons tell their order wrongly,
+/// a pixel differs.
+#[test]
+fn billboards_show_what_rays_see() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut drawn, slices) = lawn_of(dir.path(), &GRASS.replace("[401, 401]", "[5, 5]"));
+    (drawn.msaa, drawn.sky) = (4, Some([1.0; 3]));
+    drawn.sun = Some(Sun { direction: Vec3::new(0.5, -0.4, 0.7).normalize(), irradiance: [1.0; 3], radius: 0.0 });
+    for camera in &cameras(Vec3::new(32.3, -16.1, 4.0), slices.height as f32)[..6] {
+        let mut show = |billboards: bool| {
+            let grass = drawn.grass[0].as_ref().clone();
+            drawn.grass = vec![Arc::new(Grass { billboards, ..grass })];
+            renderer.set_scene(&drawn).unwrap();
+            renderer.render(camera, SIDE, SIDE).unwrap().hdr
+        };
+        let (rays, boards) = (show(false), show(true));
+        let white = rays.as_flattened().iter().fold(0.0f32, |a, b| a.max(*b));
+        let apart = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max) / white;
+        let errors: Vec<f32> = rays.iter().zip(&boards).map(apart).collect();
+        let mean = errors.iter().sum::<f32>() / errors.len() as f32;
+        let beyond = errors.iter().filter(|e| **e > 0.02).count() as f32 / errors.len() as f32;
+        println!("mean {mean:.2e}, beyond 0.02: {:.2} %", 100.0 * beyond);
+        assert!(mean < 5e-3 && beyond < 0.02, "{mean} {beyond}, {camera:?}");
+    }
+}
+
 #[test]
 fn a_scene_without_grass_has_nothing_of_the_pass() {
     let Some(mut renderer) = renderer() else { return };
@@ -348,6 +439,15 @@ fn a_scene_without_grass_has_nothing_of_the_pass() {
     renderer.set_scene(&drawn).unwrap();
     assert!(renderer.stats().pipelines.contains(&"grass without a level slice".to_string()));
     assert!(renderer.stats().uploaded("upright slices") && !renderer.stats().uploaded("level slice"));
+    assert!(!renderer.stats().uploaded("gusts") && !renderer.stats().pipelines.iter().any(|p| p.contains("wind")));
+    let mut windy = drawn.grass[0].as_ref().clone();
+    let still = [DVec2::ZERO; 2];
+    let gusts = GrassGusts { mean: [0.1, 0.0], size: 1, added: vec![[0.0; 2]], turn: still, drift: DVec2::ZERO };
+    windy.gusts = Some(Arc::new(gusts));
+    drawn.grass = vec![Arc::new(windy)];
+    renderer.set_scene(&drawn).unwrap();
+    assert!(renderer.stats().pipelines.contains(&"grass without a level slice in the wind".to_string()));
+    assert!(renderer.stats().uploaded("gusts"));
     drawn.grass.clear();
     renderer.set_scene(&drawn).unwrap();
     assert!(!renderer.stats().pipelines.iter().any(|p| p.contains("grass")) && !renderer.stats().uploaded("slice"));
@@ -365,6 +465,16 @@ fn mistakes_about_a_lawn_are_one_sentence() {
             GRASS.replace("slices = 5", "slices = 64").replace("[64, 16]", "[1024, 1024]"),
             GROUND,
             "scene.toml: grass \"lawn\": texels: found [1024, 1024], which with slices = 64 makes ",
+        ),
+        (
+            format!("{GRASS}lean_per_m_s = 2\n"),
+            GROUND,
+            "grass.lean_per_m_s: found 2, expected 0 to 1 of the height per",
+        ),
+        (
+            format!("{GRASS}lean_per_m_s = 0.3\n"),
+            &format!("{GROUND}[wind]\nspeed_m_s = 4\nseed = 1\n"),
+            "grass \"lawn\": lean_per_m_s: found 0.3, with which tips go by 2.",
         ),
         (GRASS.replace("[31, -17]", "[1e300, 0]"), GROUND, "grass.position_mm: found [1e300, 0.0], expected numbers"),
         (GRASS.replace("[31, -17]", "[nan, 0]"), GROUND, "grass.position_mm: found [NaN, 0.0], expected numbers from "),

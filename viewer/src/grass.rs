@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use glam::{Vec2, Vec3};
+use glam::{DVec2, Vec2, Vec3};
+use std::sync::Arc;
 
 /// Tables are known at so many steps, of a height from 0 to the carrier's, or of |Ω_z| from 0 to 1.
 pub const GRASS_STEPS: usize = 16;
@@ -53,6 +54,35 @@ pub struct Grass {
     pub open: GrassTable,
     /// Share of an even sky's light that arrives at the ground.
     pub soil_open: f32,
+    /// How the wind leans the blades; `None` leaves its code and its map out.
+    pub gusts: Option<Arc<GrassGusts>>,
+    /// Every slice is drawn as polygons that are sorted and blended, back to front, instead of following a ray through
+    /// all of them: what slices are compared with. No wind leans these.
+    pub billboards: bool,
+}
+
+/// A map of gusts that repeats and moves with the wind: how far blades lean along x and y, the way of a point over its
+/// height. A blade's point at the height z is z times its lean from where it would be without wind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GrassGusts {
+    /// Without gusts.
+    pub mean: [f32; 2],
+    /// Texels a side of the map.
+    pub size: u32,
+    /// What gusts add, row by row, texel centres at (i + ½)/size, sampled linearly and repeated.
+    pub added: Vec<[f32; 2]>,
+    /// Sides of the map for each mm along x and along y.
+    pub turn: [DVec2; 2],
+    /// Sides of the map a second.
+    pub drift: DVec2,
+}
+
+impl GrassGusts {
+    /// Where a place of the world (x, y) is in the map at a time (s): 0 to 1 along both sides.
+    pub fn place(&self, at: DVec2, time: f64) -> DVec2 {
+        let sides = self.turn[0] * at.x + self.turn[1] * at.y + self.drift * time;
+        sides - sides.floor()
+    }
 }
 
 /// Pictures of slices side by side, each with a border, and coarser levels of them.
@@ -101,6 +131,18 @@ pub(crate) fn validate(gpu: &Gpu, index: usize, grass: &Grass) -> Result<()> {
         grass.shown.iter().chain(&grass.soil).chain(&grass.scatter).chain([&grass.level_cover, &grass.soil_open]);
     if let Some(v) = tables.chain(rest).find(|v| !(v.is_finite() && **v >= 0.0)) {
         return wrong("tables", v.to_string(), "numbers of 0 or more");
+    }
+    if grass.billboards && grass.gusts.is_some() {
+        return wrong("billboards", "gusts".into(), "no wind");
+    }
+    if let Some(gusts) = &grass.gusts {
+        let texels = (gusts.size as usize).pow(2);
+        let map = gusts.mean.iter().chain(gusts.added.as_flattened()).all(|v| v.is_finite());
+        let moves = gusts.turn.iter().chain([&gusts.drift]).all(|v| v.is_finite());
+        if texels == 0 || gusts.added.len() != texels || !map || !moves {
+            let found = format!("{} texels for {} a side", gusts.added.len(), gusts.size);
+            return wrong("gusts", found, "a square map of finite numbers");
+        }
     }
     let most = gpu.max_side();
     for (sheet, cells) in [(Some(&grass.upright), 2 * grass.count), (grass.level.as_ref(), 1)] {

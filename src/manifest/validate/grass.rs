@@ -43,6 +43,7 @@ pub fn grass(p: &Place) -> Result<()> {
             return Err(p.error(HEADER, i, "position_mm", found));
         }
         p.range(HEADER, i, "steps", grass.steps as f64, [1.0, MOST_STEPS], "slices")?;
+        p.range(HEADER, i, "lean_per_m_s", grass.lean_per_m_s, [0.0, 1.0], "of the height per m/s")?;
         let tiles = grass.tiles[0].saturating_mul(grass.tiles[1]);
         if !(1..=MOST_TILES).contains(&tiles) {
             let found = format!("found {:?}, expected 1 to {MOST_TILES} rectangles together", grass.tiles);

@@ -47,6 +47,13 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     for (key, limit) in [("max_error", view.max_error), ("flip_p99", view.flip_p99)] {
         limit.map_or(Ok(()), |limit| p.range(HEADER, i, key, limit, [0.0, 1.0], ""))?;
     }
+    if let Some(side) = view.blocks {
+        let least = p.manifest.check.width.min(p.manifest.check.height);
+        p.range(HEADER, i, "blocks", f64::from(side), [2.0, f64::from(least)], "pixels")?;
+        if view.kind != ViewKind::Perspective {
+            return Err(p.error(HEADER, i, "blocks", "given, but only perspective views have them"));
+        }
+    }
     match view.kind {
         ViewKind::Perspective => {
             for (key, given) in [("leaf", view.leaf.is_some()), ("rotation_deg", view.rotation_deg.is_some())] {
@@ -100,6 +107,7 @@ fn capture(p: &Place, i: usize, view: &View) -> Result<()> {
         ("time_s", view.time_s.is_some()),
         ("flip_p99", view.flip_p99.is_some()),
         ("frame_ms", view.frame_ms.is_some()),
+        ("blocks", view.blocks.is_some()),
     ];
     if let Some((key, _)) = given.iter().find(|g| g.1) {
         return Err(p.error(HEADER, i, key, "given, but a capture view has the camera and the light of its scan"));

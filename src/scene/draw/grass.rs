@@ -2,23 +2,76 @@
 
 use super::reference::{black, mesh};
 use crate::placed::grass::Grass;
+use crate::{Error, Result};
+use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_grass::optics::Optics;
+use mesophyll_manifest::Manifest;
 use mesophyll_transport::{self as transport, lobe};
+use rayon::prelude::*;
 #[cfg(feature = "render")]
 pub use slices::lawn;
 use std::collections::BTreeSet;
 
-/// Adds a lawn's blades to the path tracer's world: a leaf a material, in every rectangle.
-pub fn blades(grass: &Grass, world: &mut transport::World) {
-    let materials: BTreeSet<&str> = grass.plant.blades.iter().map(|b| b.material.as_str()).collect();
-    for material in materials {
-        let shape = grass.plant.blades_of(material);
-        let Some(optics) = grass.leaves.get(material).filter(|_| !shape.indices.is_empty()) else { continue };
-        let leaf = world.leaves.len();
-        world.leaves.push(blade(&shape, optics));
-        world.instances.extend(grass.places().map(|transform| transport::Placement { leaf, transform }));
+/// Triangles of all rectangles of a lawn in the wind, each of which has blades of its own.
+const MOST_TRIANGLES: usize = 40_000_000;
+
+/// Adds a lawn's blades to the path tracer's world: a leaf a material, in every rectangle; where the wind leans the lawn, a
+/// leaf of its own for every rectangle. [`lean`] moves these.
+///
+/// # Errors
+/// [`Error::Input`] for a lawn in the wind of more triangles than there is room for.
+pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) -> Result<()> {
+    let triangles: usize = shapes(grass).map(|(_, shape)| shape.triangles()).sum();
+    let places = grass.tiles[0] * grass.tiles[1];
+    if grass.leaning.is_some() && triangles.saturating_mul(places) > MOST_TRIANGLES {
+        let told = format!(
+            "found {:?} rectangles of {triangles} triangles in the wind, which leans each blade by itself for the path \
+             tracer; expected at most {MOST_TRIANGLES} triangles in all",
+            grass.tiles
+        );
+        return Err(Error::field(&manifest.path, &format!("grass \"{}\": tiles", grass.name), told));
     }
+    for (optics, shape) in shapes(grass) {
+        let leaf = world.leaves.len();
+        let own = if grass.leaning.is_some() { places } else { 1 };
+        world.leaves.extend(std::iter::repeat_n(blade(&shape, optics), own));
+        let at = |(k, transform)| transport::Placement { leaf: leaf + k % own, transform };
+        world.instances.extend(grass.places().enumerate().map(at));
+    }
+    Ok(())
+}
+
+/// Leans the blades of all lawns as they are at a time (s); `first` is the leaf of the world where the first lawn's begin.
+pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f64) {
+    let mut next = first;
+    for grass in lawns {
+        for (_, shape) in shapes(grass) {
+            let Some(leaning) = &grass.leaning else {
+                next += 1;
+                continue;
+            };
+            let leaves = &mut world.leaves[next..next + grass.tiles[0] * grass.tiles[1]];
+            next += leaves.len();
+            let places: Vec<DMat4> = grass.places().collect();
+            leaves.par_iter_mut().zip(places).for_each(|(leaf, place)| {
+                let at = place.w_axis.truncate().with_z(0.0);
+                for (v, (point, normal)) in shape.positions.iter().zip(&shape.normals).enumerate() {
+                    let (to, turned) = leaning.bent(*point + at, *normal, time);
+                    (leaf.mesh.positions[v], leaf.mesh.normals[v]) = (to - at, turned);
+                }
+            });
+        }
+    }
+}
+
+/// The blades of each material, with what they reflect and let through.
+fn shapes(grass: &Grass) -> impl Iterator<Item = (&Optics, LeafMesh)> {
+    let materials: BTreeSet<&str> = grass.plant.blades.iter().map(|b| b.material.as_str()).collect();
+    materials.into_iter().filter_map(|material| {
+        let shape = grass.plant.blades_of(material);
+        Some((grass.leaves.get(material).filter(|_| !shape.indices.is_empty())?, shape))
+    })
 }
 
 /// A matte sheet that is the same everywhere.
@@ -42,11 +95,13 @@ fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
 #[cfg(feature = "render")]
 mod slices {
     use crate::placed::grass::Grass;
-    use glam::{Vec2, Vec3};
+    use crate::placed::leaning::Leaning;
+    use glam::{DVec2, Vec2, Vec3};
     use mesophyll_fit_grass::march::Slices;
     use mesophyll_fit_grass::sheet::{self, Sheet};
     use mesophyll_fit_grass::through;
     use mesophyll_viewer::scene as viewer;
+    use std::sync::Arc;
 
     /// A lawn as the renderer takes it, over ground of this reflectance.
     pub fn lawn(grass: &Grass, slices: &Slices, soil: [f64; 3], steps: usize) -> viewer::Grass {
@@ -74,6 +129,21 @@ mod slices {
             through: light.map(table),
             open: table(through::open(slices, &light)),
             soil_open: through::open_ground(slices) as f32,
+            gusts: grass.leaning.as_ref().map(|leaning| Arc::new(gusts(leaning))),
+            billboards: false,
+        }
+    }
+
+    /// What leans a lawn, in the renderer's precision.
+    fn gusts(Leaning { gusts, lean_per_m_s }: &Leaning) -> viewer::GrassGusts {
+        let lean = |v: DVec2| (v * *lean_per_m_s).as_vec2().to_array();
+        let added = gusts.motion.values.iter().map(|v| lean(gusts.across(v.map(f64::from)))).collect();
+        viewer::GrassGusts {
+            mean: lean(gusts.way * gusts.wind.speed),
+            size: gusts.motion.size as u32,
+            added,
+            turn: gusts.turn(),
+            drift: gusts.drift(),
         }
     }
 

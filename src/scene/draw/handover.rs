@@ -95,6 +95,9 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         });
         out.grass.push(std::sync::Arc::new(drawn));
     }
+    if placed.moves().grass {
+        out.wind.get_or_insert_with(|| still_branches(manifest));
+    }
     if let Some(found) = &scene.transfer {
         between::arriving(found, &mut out);
         if let Some(direction) = sun_direction(manifest) {
@@ -119,6 +122,11 @@ fn below_all(placed: &Placed) -> bool {
     placed.twigs.iter().flat_map(|t| &t.1.positions).all(|v| v.z >= height)
         && placed.wood.iter().all(stands)
         && placed.placements.iter().filter_map(leaf).all(|b| b)
+}
+
+/// A wind that sways no branch.
+pub fn still_branches(manifest: &Manifest) -> viewer::Wind {
+    viewer::Wind { size: 0, motion: Vec::new(), time_s: crate::placed::branch::rest_time(manifest) }
 }
 
 /// What bends branches and what rides on them, where anything does.

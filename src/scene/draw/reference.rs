@@ -49,7 +49,7 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
             out.instances.push(transport::Placement { leaf, transform: p.transform });
         }
     }
-    placed.grass.iter().for_each(|grass| grass::blades(grass, &mut out));
+    placed.grass.iter().try_for_each(|grass| grass::blades(manifest, grass, &mut out))?;
     for wood in &placed.wood {
         let leaf = out.leaves.len();
         out.instances.extend(wood.places.iter().map(|transform| transport::Placement { leaf, transform: *transform }));
@@ -136,6 +136,10 @@ fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
         instance.transform = placed.at_time(p, time).transform;
     }
     move_wood(world, placed, time);
+    if placed.moves().grass {
+        let first = scene.drawn().count();
+        grass::lean(&placed.grass, world, first, time);
+    }
 }
 
 /// The branches and the plants' wood alone.

@@ -1,7 +1,7 @@
 //! Plants in the wind, handed over to the GPU renderer: the sections that carry leaves and bark, for each time.
 
+use super::handover::still_branches;
 use crate::placed::Placed;
-use crate::placed::branch::rest_time;
 use crate::placed::sections::Bark;
 use glam::DQuat;
 use mesophyll_flora::pose::Rigid;
@@ -37,7 +37,7 @@ pub fn plants(manifest: &Manifest, placed: &Placed, barks: Barks, out: &mut view
         to: r.to.as_vec3(),
         turn: DQuat::from_mat3(&r.turn).as_quat(),
     };
-    out.wind.get_or_insert_with(|| viewer::Wind { size: 0, motion: Vec::new(), time_s: rest_time(manifest) });
+    out.wind.get_or_insert_with(|| still_branches(manifest));
     out.sections = Some(viewer::Sections {
         count: winds.section_count(),
         of_vertices: Arc::new(barks.of_vertices),

@@ -128,7 +128,7 @@ const PASSAGES: i32 = 60;
 
 /// The direction near `way` whose line stays away from itself longest: the textures repeat, so that a line along x
 /// would be back after one passage.
-fn unrepeated(way: DVec2) -> DVec2 {
+pub(super) fn unrepeated(way: DVec2) -> DVec2 {
     let mut best = (way, back(way));
     for k in 1..=40 {
         if best.1 >= f64::from(PASSAGES) {

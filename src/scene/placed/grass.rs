@@ -1,5 +1,6 @@
 //! Lawns: the blades of a meadow for the path tracer, and the slices that stand for them in real time.
 
+use super::leaning::{Gusts, Leaning};
 use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
@@ -40,6 +41,10 @@ pub struct Grass {
     pub tiles: [usize; 2],
     /// The middle of the first rectangle (least x, least y), on the ground.
     pub origin: DVec3,
+    /// Of the highest tip over the ground (mm).
+    pub height: f64,
+    /// How the wind leans it, where it does.
+    pub leaning: Option<Leaning>,
     /// The meadow's file.
     path: PathBuf,
     slices: OnceLock<Arc<Slices>>,
@@ -51,7 +56,31 @@ pub struct Grass {
 /// [`Error::Input`] for a meadow or a table that cannot be read, a meadow that does not repeat, a material that the table
 /// does not have, a fit that is not there, slices of more texels than a fit may have, and for a lawn that reaches too far.
 pub fn lawns(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Grass>> {
-    manifest.grass.iter().enumerate().map(|(index, config)| lawn(manifest, index, config, ledger)).collect()
+    let all = manifest.grass.iter().enumerate().map(|(index, config)| lawn(manifest, index, config, ledger));
+    let mut lawns = all.collect::<Result<Vec<Grass>>>()?;
+    lean(manifest, &mut lawns, ledger)?;
+    Ok(lawns)
+}
+
+/// Lets the wind lean the lawns that it has a hold of.
+fn lean(manifest: &Manifest, lawns: &mut [Grass], ledger: &Ledger) -> Result<()> {
+    let leans = |lawn: &Grass| manifest.grass[lawn.index].lean_per_m_s;
+    let tallest = lawns.iter().filter(|lawn| leans(lawn) > 0.0).map(|lawn| lawn.height).fold(0.0, f64::max);
+    let gusts = if tallest > 0.0 { Gusts::new(manifest, tallest, ledger)? } else { None };
+    let Some(gusts) = gusts else { return Ok(()) };
+    for lawn in lawns {
+        let (config, lean_per_m_s) = (&manifest.grass[lawn.index], leans(lawn));
+        let farthest = lean_per_m_s * gusts.strongest();
+        if farthest > 1.0 {
+            let told = format!(
+                "found {lean_per_m_s}, with which tips go by {farthest:.2} of their height in strong gusts; expected at most \
+                 1"
+            );
+            return Err(field(manifest, config, "lean_per_m_s", told));
+        }
+        lawn.leaning = (lean_per_m_s > 0.0).then(|| Leaning { gusts: Arc::clone(&gusts), lean_per_m_s });
+    }
+    Ok(())
 }
 
 fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> Result<Grass> {
@@ -95,15 +124,22 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
         return Err(field(manifest, config, "tiles", told));
     }
     let first = |k: usize| config.position_mm[k] - 0.5 * (config.tiles[k] - 1) as f64 * period[k];
-    let height = manifest.ground.as_ref().map_or(0.0, |g| g.height_mm);
+    let ground = manifest.ground.as_ref().map_or(0.0, |g| g.height_mm);
+    let tips = plant.leaves.iter().flat_map(|leaf| {
+        let points = plant.blades.get(leaf.blade).map_or(&[][..], |b| &b.mesh.positions);
+        points.iter().map(|p| leaf.transform.transform_point3(*p).z)
+    });
+    let height = tips.fold(0.0, f64::max);
     Ok(Grass {
+        height,
+        leaning: None,
         index,
         name: config.name.clone(),
         plant,
         leaves,
         period,
         tiles: config.tiles,
-        origin: DVec3::new(first(0), first(1), height),
+        origin: DVec3::new(first(0), first(1), ground),
         path,
         slices: OnceLock::new(),
     })

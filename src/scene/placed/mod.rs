@@ -6,6 +6,7 @@ pub mod facing;
 pub mod flutter;
 pub mod grass;
 pub mod leaf;
+pub mod leaning;
 pub mod moves;
 pub mod placement;
 pub mod plant;
@@ -88,7 +89,7 @@ impl Placed {
         let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
-        let moves = Moves { bends: bends.as_ref(), winds: winds.as_deref() };
+        let moves = Moves { bends: bends.as_ref(), winds: winds.as_deref(), grass: false };
         let leaves = (0..manifest.leaves.len())
             .map(|k| Leaf::find(manifest, (&placements, moves), k, search, ledger))
             .collect::<Result<_>>()?;
@@ -108,7 +109,8 @@ impl Placed {
 
     /// What moves.
     pub fn moves(&self) -> Moves<'_> {
-        Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref() }
+        let grass = self.grass.iter().any(|lawn| lawn.leaning.is_some());
+        Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref(), grass }
     }
 
     /// A placement as branches and plants have it at a time (s).
@@ -136,7 +138,7 @@ impl Placed {
     /// # Errors
     /// As [`Placed::new`].
     pub fn find_again(&mut self, manifest: &Manifest, index: usize, search: Search, ledger: &Ledger) -> Result<()> {
-        let moves = Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref() };
+        let moves = Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref(), grass: false };
         let world = (self.placements.as_slice(), moves);
         self.leaves[index] = Leaf::find(manifest, world, index, search, ledger)?;
         Ok(())

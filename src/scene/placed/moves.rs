@@ -1,4 +1,4 @@
-//! What moves in a scene: branches, what hangs on them, and plants in the wind.
+//! What moves in a scene: branches, what hangs on them, plants and lawns in the wind.
 
 use super::branch::Bends;
 use super::placement::{Placement, Ride};
@@ -11,12 +11,14 @@ pub struct Moves<'a> {
     pub bends: Option<&'a Bends>,
     /// Its plants, where a wind moves them.
     pub winds: Option<&'a Winds>,
+    /// Whether a wind leans a lawn.
+    pub grass: bool,
 }
 
 impl Moves<'_> {
     /// Whether anything does.
     pub fn any(&self) -> bool {
-        self.bends.is_some() || self.winds.is_some()
+        self.bends.is_some() || self.winds.is_some() || self.grass
     }
 
     /// A placement as it is at a time (s).

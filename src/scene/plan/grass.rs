@@ -33,8 +33,18 @@ pub fn lawns(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()
             }
         }
         plan.need(need);
-        if manifest.wind.is_none() {
-            let why = "the scene has no wind: no code that leans the blades, no map of gusts";
+        if let Some(leaning) = &grass.leaning {
+            let side = 1e-3 / leaning.gusts.turn()[0].length();
+            let why = "blades lean by a map of gusts that moves with the wind";
+            let mut need = Need::new(format!("wind in {}", grass.name), why);
+            need.amount = Some(format!("{side:.1} m a side, {0} x {0} texels", leaning.gusts.motion.size));
+            need.bytes = Some(8 * (leaning.gusts.motion.size as u64).pow(2));
+            plan.need(need);
+        } else {
+            let why = match manifest.wind {
+                None => "the scene has no wind: no code that leans the blades, no map of gusts",
+                Some(_) => "no wind leans it (lean_per_m_s): no code that leans the blades, no map of gusts",
+            };
             plan.leave_out(LeftOut::new(format!("wind in {}", grass.name), why, 0, None));
         }
     }

@@ -4,13 +4,13 @@
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_half};
 use crate::passes::bend::{self, Bending};
-use crate::passes::main::{DEPTH, frame_layout};
+use crate::passes::main::{blending, drawing, frame_layout, vertex_state};
 use crate::passes::sky::pixel_rays;
 use crate::scene::{Camera, Dome, GRASS_STEPS, Grass, GrassSheet, GrassTable, Scene, Sun};
 use crate::shader::assemble;
 use crate::stats::Stats;
 use crate::variant::{Lights, Surface, Variant};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// What the shader is told of a lawn; see `grass.wgsl`.
@@ -27,11 +27,15 @@ struct Uniform {
     scatter: [f32; 4],
     below: [f32; 4],
     rays: [[f32; 4]; 3],
+    lean: [f32; 4],
+    turn: [f32; 4],
     tables: [[[f32; 4]; 5]; 4],
 }
 
 pub(crate) struct GrassPass {
     lawns: Vec<Lawn>,
+    /// The wind's (s).
+    pub time: f64,
 }
 
 struct Lawn {
@@ -39,7 +43,13 @@ struct Lawn {
     pipeline: wgpu::RenderPipeline,
     uniform: wgpu::Buffer,
     group: wgpu::BindGroup,
+    /// Where the lawn is drawn by polygons.
+    boards: Option<wgpu::Buffer>,
 }
+
+/// A piece of a slice as a polygon: what it is across (0 to 2; 3: the ground), the number of its plane and of the planes
+/// across it that it lies between, and whether it is the upper half.
+type Board = [i32; 4];
 
 /// What a frame's camera and lights tell.
 #[derive(Clone, Copy)]
@@ -55,13 +65,19 @@ impl GrassPass {
     /// `None` for a scene without grass.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<GrassPass> {
         let lawns: Vec<Lawn> = scene.grass.iter().map(|grass| Lawn::new(gpu, scene, grass, stats)).collect();
-        (!lawns.is_empty()).then_some(GrassPass { lawns })
+        let time = scene.wind.as_ref().map_or(0.0, |w| w.time_s);
+        (!lawns.is_empty()).then_some(GrassPass { lawns, time })
     }
 
     /// Takes over what this frame sees.
     pub(crate) fn aim(&self, gpu: &Gpu, aim: Aim<'_>) {
         for lawn in &self.lawns {
-            gpu.queue.write_buffer(&lawn.uniform, 0, bytemuck::bytes_of(&uniform(&lawn.grass, aim)));
+            let uniform = uniform(&lawn.grass, aim, self.time);
+            gpu.queue.write_buffer(&lawn.uniform, 0, bytemuck::bytes_of(&uniform));
+            if let Some(buffer) = &lawn.boards {
+                let eye = aim.camera.eye - Vec3::from_slice(&uniform.base[..3]);
+                gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&boards(&lawn.grass, uniform.corners, eye)));
+            }
         }
     }
 
@@ -70,7 +86,13 @@ impl GrassPass {
         for lawn in &self.lawns {
             pass.set_pipeline(&lawn.pipeline);
             pass.set_bind_group(1, &lawn.group, &[]);
-            pass.draw(0..36, 0..1);
+            match &lawn.boards {
+                None => pass.draw(0..36, 0..1),
+                Some(boards) => {
+                    pass.set_vertex_buffer(0, boards.slice(..));
+                    pass.draw(0..4, 0..(boards.size() / size_of::<Board>() as u64) as u32);
+                }
+            }
             stats.draws += 1;
         }
     }
@@ -80,8 +102,9 @@ impl Lawn {
     fn new(gpu: &Gpu, scene: &Scene, grass: &Arc<Grass>, stats: &mut Stats) -> Lawn {
         let device = &gpu.device;
         let level = grass.level.is_some();
-        let layout = layout(gpu, level);
-        stats.pipeline(if level { "grass" } else { "grass without a level slice" });
+        let layout = layout(gpu, level, grass.gusts.is_some());
+        let windy = if grass.gusts.is_some() { " in the wind" } else { "" };
+        stats.pipeline(&format!("grass{}{windy}", if level { "" } else { " without a level slice" }));
         let pipeline = pipeline(gpu, scene, grass, &layout);
         let uniform = gpu.uniform("grass", &[Uniform::default()]);
         stats.upload("grass", size_of::<Uniform>() as u64);
@@ -110,6 +133,21 @@ impl Lawn {
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
             ..Default::default()
         });
+        let gusts = grass.gusts.as_ref().map(|gusts| {
+            let texels = gusts.added.iter().map(|v| [v[0], v[1], 0.0, 0.0]).collect();
+            let name = format!("{} gusts", grass.name);
+            let map = upload_half(gpu, &name, &[vec![Level { width: gusts.size, height: gusts.size, texels }]]);
+            stats.upload(&name, map.bytes);
+            let repeated = device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("gusts"),
+                address_mode_u: wgpu::AddressMode::Repeat,
+                address_mode_v: wgpu::AddressMode::Repeat,
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                ..Default::default()
+            });
+            (map.view, repeated)
+        });
         let mut entries = vec![
             wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
             wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&upright) },
@@ -118,16 +156,28 @@ impl Lawn {
         if let Some(level) = &level {
             entries.push(wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::TextureView(level) });
         }
+        if let Some((map, repeated)) = &gusts {
+            let (map, repeated) = (wgpu::BindingResource::TextureView(map), wgpu::BindingResource::Sampler(repeated));
+            entries.push(wgpu::BindGroupEntry { binding: 4, resource: map });
+            entries.push(wgpu::BindGroupEntry { binding: 5, resource: repeated });
+        }
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("grass"),
             layout: &layout,
             entries: &entries,
         });
-        Lawn { grass: Arc::clone(grass), pipeline, uniform, group }
+        let boards = grass.billboards.then(|| {
+            let (low, high) = (grass.low, grass.high);
+            let all = boards(grass, [low.x, low.y, high.x, high.y], Vec3::ZERO);
+            stats.upload("billboards", size_of_val(all.as_slice()) as u64);
+            let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST;
+            gpu.buffer("billboards", bytemuck::cast_slice(&all), usage)
+        });
+        Lawn { grass: Arc::clone(grass), pipeline, uniform, group, boards }
     }
 }
 
-fn layout(gpu: &Gpu, level: bool) -> wgpu::BindGroupLayout {
+fn layout(gpu: &Gpu, level: bool, wind: bool) -> wgpu::BindGroupLayout {
     let fragment = wgpu::ShaderStages::FRAGMENT;
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let uniform = wgpu::BindingType::Buffer {
@@ -148,6 +198,15 @@ fn layout(gpu: &Gpu, level: bool) -> wgpu::BindGroupLayout {
     if level {
         entries.push(entry(3, fragment, slices));
     }
+    if wind {
+        let map = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        };
+        entries.push(entry(4, fragment, map));
+        entries.push(entry(5, fragment, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
+    }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("grass"), entries: &entries })
 }
 
@@ -163,7 +222,12 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         anchored: None,
         shares: false,
     };
-    let defines = variant.defines().set("LEVEL_SLICE", grass.level.is_some()).constant("STEPS", grass.steps);
+    let defines = variant
+        .defines()
+        .set("LEVEL_SLICE", grass.level.is_some())
+        .set("WIND", grass.gusts.is_some())
+        .set("BILLBOARDS", grass.billboards)
+        .constant("STEPS", grass.steps);
     let parts = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl"), include_str!("grass.wgsl")];
     (assemble(&parts.concat(), &defines), lights)
 }
@@ -179,41 +243,66 @@ fn pipeline(gpu: &Gpu, scene: &Scene, grass: &Grass, own: &wgpu::BindGroupLayout
         bind_group_layouts: &[Some(&frame_layout(gpu, &lights)), Some(own)],
         immediate_size: 0,
     });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("grass"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("grass_vertex"),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        // Back faces: an eye in the grass sees them too.
-        primitive: wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Front), ..Default::default() },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: Default::default(),
-            bias: Default::default(),
-        }),
-        multisample: wgpu::MultisampleState { count: scene.msaa, mask: !0, alpha_to_coverage_enabled: false },
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("grass_fragment"),
-            compilation_options: Default::default(),
-            targets: &[Some(gpu.hdr_format(scene.msaa).into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    if grass.billboards {
+        let attributes = wgpu::vertex_attr_array![0 => Sint32x4];
+        let boards = wgpu::VertexBufferLayout {
+            array_stride: size_of::<Board>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &attributes,
+        };
+        let buffers = [Some(boards)];
+        let vertex = vertex_state(&module, "board_vertex", &buffers);
+        let strip = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
+        return blending(gpu, "billboards", &layout, vertex, (&module, "board_fragment"), strip, scene.msaa);
+    }
+    // Back faces: an eye in the grass sees them too.
+    let back = wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Front), ..Default::default() };
+    let vertex = vertex_state(&module, "grass_vertex", &[]);
+    drawing(gpu, "grass", &layout, vertex, (&module, "grass_fragment"), back, scene.msaa)
 }
 
-fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>) -> Uniform {
+/// All boards of a lawn, whose corners are those of the shader, as an eye sees them: the ground, then from the farthest to
+/// the nearest by the distance of their middles, one half of the height after the other.
+fn boards(grass: &Grass, corners: [f32; 4], eye: Vec3) -> Vec<Board> {
+    let apart = [0, 1].map(|k: usize| grass.period[k] / grass.count as f32);
+    let place = |k: usize, plane: f32| (plane + 0.5) * apart[k] - 0.5 * grass.period[k];
+    // Boards that reach over the edge are cut there; those beyond it are no boards.
+    let planes = |k: usize| {
+        let at = |edge: f32| ((edge + 0.5 * grass.period[k]) / apart[k] - 0.5).round() as i32;
+        at(corners[k])..at(corners[2 + k])
+    };
+    let half = 0.5 * grass.height;
+    let mut layers: [Vec<(f32, Board)>; 3] = Default::default();
+    let mut put = |layer: usize, middle: Vec3, board: Board| layers[layer].push((middle.distance_squared(eye), board));
+    for i in planes(0) {
+        for j in planes(1) {
+            let [x, y] = [place(0, i as f32), place(1, j as f32)];
+            let [beside_x, beside_y] = [x + 0.5 * apart[0], y + 0.5 * apart[1]];
+            for upper in 0..2 {
+                let (z, layer) = ((upper as f32 + 0.5) * half, 2 * upper as usize);
+                put(layer, Vec3::new(x, beside_y, z), [0, i, j, upper]);
+                put(layer, Vec3::new(beside_x, y, z), [1, j, i, upper]);
+            }
+            if grass.level.is_some() {
+                put(1, Vec3::new(beside_x, beside_y, half), [2, i, j, 0]);
+            }
+        }
+    }
+    if eye.z < half {
+        layers.reverse();
+    }
+    layers.iter_mut().for_each(|layer| layer.sort_by(|a, b| b.0.total_cmp(&a.0)));
+    std::iter::once([3, 0, 0, 0]).chain(layers.into_iter().flatten().map(|(_, board)| board)).collect()
+}
+
+fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -> Uniform {
     let sheet = |s: &GrassSheet| [s.cell[0] as f32, s.cell[1] as f32, s.border as f32, s.columns as f32];
     let rgb = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
     let (pixel, rays) = pixel_rays(camera, size);
-    let upwards = sun.map_or(0.0, |s| s.direction.normalize().z).clamp(0.0, 1.0);
+    // Towards the sun as the lawn without wind has it.
+    let mean = grass.gusts.as_ref().map_or([0.0; 2], |g| g.mean);
+    let leant = |to: Vec3| (to - to.z * Vec3::new(mean[0], mean[1], 0.0)).normalize();
+    let upwards = sun.map_or(0.0, |s| leant(s.direction.normalize()).z).clamp(0.0, 1.0);
     let x = upwards * GRASS_STEPS as f32;
     let k = (x as usize).min(GRASS_STEPS - 1);
     let sunlit = grass.through.map(|row| row[k] + (x - k as f32) * (row[k + 1] - row[k]));
@@ -226,8 +315,16 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>) -> Uniform {
     let period = Vec2::from(grass.period);
     let shift = ((camera.eye - grass.origin).truncate() / period).round() * period;
     let (low, high) = (grass.low - shift, grass.high - shift);
+    let base = grass.origin + shift.extend(0.0);
+    let (lean, turn) = grass.gusts.as_ref().map_or_else(Default::default, |g| {
+        let at = g.place(base.truncate().as_dvec2(), time).as_vec2();
+        let turn = g.turn.map(|v| v.as_vec2());
+        ([mean[0], mean[1], at.x, at.y], [turn[0].x, turn[0].y, turn[1].x, turn[1].y])
+    });
     Uniform {
-        base: (grass.origin + shift.extend(0.0)).extend(grass.height).to_array(),
+        lean,
+        turn,
+        base: base.extend(grass.height).to_array(),
         corners: [low.x, low.y, high.x, high.y],
         period: [grass.period[0], grass.period[1], grass.count as f32, grass.level_cover],
         upright: sheet(&grass.upright),
@@ -238,5 +335,26 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>) -> Uniform {
         below: rgb(dome.and_then(|d| Some(d.ground?.map(|v| v * d.strength))).unwrap_or_default()),
         rays: rays.map(|v| v.extend(0.0).to_array()),
         tables: [&grass.projection, &grass.cover, &grass.open, &sunlit].map(packed),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lawn that no wind leans is compiled without a line of it.
+    #[test]
+    fn no_wind_no_shear() {
+        let words = ["leaning", "unleant", "gusts", "leans"];
+        let lines = |wind: bool| {
+            let defines = crate::shader::Defines::default().set("WIND", wind).constant("STEPS", 64);
+            let source = assemble(include_str!("grass.wgsl"), &defines);
+            let own = source.lines().filter(|l| !l.trim().is_empty() && !l.trim().starts_with("//"));
+            own.map(str::to_string).collect::<Vec<_>>()
+        };
+        let (still, windy) = (lines(false), lines(true));
+        let count = |lines: &[String]| lines.iter().filter(|l| words.iter().any(|w| l.contains(w))).count();
+        assert_eq!(count(&still), 0);
+        assert!(count(&windy) >= 10 && windy.len() >= still.len() + 20, "{} {}", windy.len(), still.len());
     }
 }

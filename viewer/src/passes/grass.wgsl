@@ -20,6 +20,10 @@ struct Grass {
     below: vec4f,
     // The ray of a place in the picture is the first + x·the second + y·the third.
     rays: array<vec4f, 3>,
+    // The mean lean of blades along x and y; zw: where the origin is in the map of gusts.
+    lean: vec4f,
+    // Place in the map of gusts along x (xy) and y (zw), in its sides.
+    turn: vec4f,
     // 17 numbers each in 20: projection, cover, open, share of the sun that arrives at a height.
     tables: array<vec4f, 20>,
 }
@@ -43,6 +47,22 @@ const LITTLE: f32 = 1e-3;
 @group(1) @binding(2) var slice_sampler: sampler;
 //#if LEVEL_SLICE
 @group(1) @binding(3) var level_slice: texture_2d_array<f32>;
+//#endif
+
+//#if WIND
+@group(1) @binding(4) var gusts: texture_2d<f32>;
+@group(1) @binding(5) var gust_sampler: sampler;
+
+// How the wind leans the lawn at a place: the way of a blade's point along x and y over its height.
+fn leaning(place: vec2f) -> vec2f {
+    let at = grass.lean.zw + place.x * grass.turn.xy + place.y * grass.turn.zw;
+    return grass.lean.xy + textureSampleLevel(gusts, gust_sampler, at, 0.0).rg;
+}
+
+// A point or a direction of the leaning lawn as the lawn without wind has it.
+fn unleant(v: vec3f, lean: vec2f) -> vec3f {
+    return vec3f(v.xy - v.z * lean, v.z);
+}
 //#endif
 
 // The box, its faces counter-clockwise from outside; bits of a corner say which end of x, y and z it is at.
@@ -78,7 +98,11 @@ fn part(one: f32, all: f32) -> f32 {
 }
 
 // Shares of the optical depth of upright slices and of the level one that count along d.
-fn weights(d: vec3f) -> vec2f {
+fn weights(along: vec3f) -> vec2f {
+    var d = along;
+    //#if WIND
+    d = normalize(along);
+    //#endif
     let wanted = table(PROJECTION, d.z);
     let upright = grass.shown.x * (abs(d.x) + abs(d.y));
     let w = part(wanted, upright);
@@ -271,6 +295,161 @@ struct Both {
     sun: vec3f,
 }
 
+// What is the same for all of a lawn: the sky's light on level ground, and the share of the sun's light that blades get.
+struct Overall {
+    overhead: vec3f,
+    scattered: f32,
+}
+
+fn overall() -> Overall {
+    var to_sun = frame.sun_direction.xyz;
+    //#if WIND
+    to_sun = normalize(unleant(to_sun, grass.lean.xy));
+    //#endif
+    return Overall(from_above(vec3f(0.0, 0.0, 1.0)), table(PROJECTION, to_sun.z));
+}
+
+// Level of the sheets at a distance from the eye.
+fn level_at(distance: f32) -> f32 {
+    return max(0.0, log2(distance * grass.shown.w / (grass.period.x / grass.upright.x)));
+}
+
+// What a slice stops of a ray, and what it gives along it.
+struct Struck {
+    opacity: f32,
+    light: Both,
+}
+
+// A slice where a ray along d (as the lawn without wind has it) crosses it.
+fn struck(
+    c: Crossing,
+    weight: vec2f,
+    level: f32,
+    d: vec3f,
+    all: Overall,
+    //#if WIND
+    leans: vec2f,
+    //#endif
+) -> Struck {
+    var out = Struck(0.0, Both(vec3f(0.0), vec3f(0.0)));
+    let w = select(weight.x, weight.y, c.across == ACROSS_Z);
+    let height = c.place.z / grass.base.w;
+    let share = counted(c.across, height, w);
+    if (share <= 0.0) {
+        return out;
+    }
+    let what = sliced(c, 0, level);
+    if (what.w <= 0.0) {
+        return out;
+    }
+    out.opacity = share * what.w;
+    // The side that the ray sees, by the blades' normals and not by the slice's.
+    let faces = dot(what.xyz, d) < 0.0;
+    var turned = what.xyz;
+    //#if WIND
+    turned.z -= dot(leans, turned.xy);
+    //#endif
+    let reflects = sliced(c, select(2, 1, faces), level);
+    let lets_through = sliced(c, 3, level).rgb;
+    let normal = select(-turned, turned, faces) / max(length(turned), 1e-20);
+    // The level slice shows blades of all heights.
+    let stands = select(height, reflects.w / what.w, c.across == ACROSS_Z);
+    let opens = table(OPEN, stands);
+    let both = share * (reflects.rgb + lets_through);
+    //#if SKY
+    out.light.sky = share * opens * (reflects.rgb * from_above(normal) + lets_through * from_above(-normal));
+    out.light.sky += both * (1.0 - 0.5 * opens) * around(stands, opens * all.overhead);
+    //#endif
+    //#if SUN
+    let to = frame.sun_direction.xyz;
+    // The ground hides a sun that is at the horizon or below it.
+    if (to.z > 0.0) {
+        let cosine = dot(normal, to);
+        var own_to = to;
+        //#if WIND
+        own_to = unleant(to, leans);
+        //#endif
+        let arrives = arriving_at(c, reflects.w / what.w, d, own_to, level);
+        let e = frame.sun_irradiance.rgb * 0.318309886;
+        out.light.sun = share * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
+        out.light.sun += both * (1.0 - 0.5 * opens) * around(stands, e * all.scattered * table(SUNLIT, stands));
+    }
+    //#endif
+    return out;
+}
+
+// Light on the ground under the blades, over π.
+fn on_soil(place: vec3f, level: f32, all: Overall) -> Both {
+    var soil = Both(mix(around(0.0, entry(OPEN, 0u) * all.overhead), all.overhead, grass.shown.z), vec3f(0.0));
+    //#if SUN
+    let to = frame.sun_direction.xyz;
+    if (to.z > 0.0) {
+        let e = frame.sun_irradiance.rgb * 0.318309886;
+        var own_to = to;
+        //#if WIND
+        own_to = unleant(to, leaning(place.xy));
+        //#endif
+        soil.sun = e * to.z * passing(walk_from(place, own_to, NOTHING, 0), own_to, level);
+        soil.sun += (1.0 - grass.shown.z) * around(0.0, e * all.scattered * entry(SUNLIT, 0u));
+    }
+    //#endif
+    return soil;
+}
+
+//#if BILLBOARDS
+// A piece of a slice as a polygon, or all of the ground.
+struct Board {
+    @builtin(position) position: vec4f,
+    @location(0) @interpolate(flat) which: vec2i,
+    @location(1) place: vec3f,
+}
+
+// Of a board: what it is across (NOTHING: the ground), the number of its plane, of the planes across it that it lies
+// between, and whether it is the upper half.
+@vertex
+fn board_vertex(@builtin(vertex_index) corner: u32, @location(0) board: vec4i) -> Board {
+    let apart = steps_apart();
+    let plane = (vec2f(board.yz) + 0.5) * apart - 0.5 * grass.period.xy;
+    let end = vec2f(f32(corner & 1u), f32(corner >> 1u));
+    let half = 0.5 * grass.base.w;
+    var p = vec3f(mix(grass.corners.xy, grass.corners.zw, end), 0.01 * grass.base.w);
+    if (board.x == i32(ACROSS_X)) {
+        p = vec3f(plane.x, plane.y + end.x * apart.y, half * (f32(board.w) + end.y));
+    } else if (board.x == i32(ACROSS_Y)) {
+        let along = (f32(board.z) + 0.5 + end.x) * apart.x - 0.5 * grass.period.x;
+        p = vec3f(along, (f32(board.y) + 0.5) * apart.y - 0.5 * grass.period.y, half * (f32(board.w) + end.y));
+    } else if (board.x == i32(ACROSS_Z)) {
+        p = vec3f(plane + end * apart, half);
+    }
+    p = vec3f(clamp(p.xy, grass.corners.xy, grass.corners.zw), p.z);
+    return Board(frame.view_projection * vec4f(grass.base.xyz + p, 1.0), board.xy, p);
+}
+
+@fragment
+fn board_fragment(board: Board) -> @location(0) vec4f {
+    let ray = board.place - (frame.eye.xyz - grass.base.xyz);
+    let d = normalize(ray);
+    let level = level_at(length(ray));
+    let all = overall();
+    var hit = Struck(1.0, Both(vec3f(0.0), vec3f(0.0)));
+    if (board.which.x == i32(NOTHING)) {
+        hit.light = on_soil(vec3f(board.place.xy, 0.0), level, all);
+        hit.light.sky *= grass.soil.rgb;
+        hit.light.sun *= grass.soil.rgb;
+    } else {
+        let c = Crossing(0.0, u32(board.which.x), board.which.y, board.place);
+        hit = struck(c, weights(d), level, d, all);
+    }
+    var radiance = hit.light.sky;
+    //#if SUN
+    //#if SHADOW
+    hit.light.sun *= visibility(grass.base.xyz + board.place, frame.sun_direction.xyz, 1.0);
+    //#endif
+    radiance += hit.light.sun;
+    //#endif
+    return vec4f(held(radiance).rgb, hit.opacity);
+}
+//#else
 struct GrassOut {
     @location(0) colour: vec4f,
     @builtin(frag_depth) depth: f32,
@@ -288,12 +467,19 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     let high = vec3f(grass.corners.zw, grass.base.w);
     let origin = clamp(eye + first * d, low, high);
     let end = way_out(origin, d);
-    let texel = grass.period.x / grass.upright.x;
-    let weight = weights(d);
-    let overhead = from_above(vec3f(0.0, 0.0, 1.0));
-    let scattered = table(PROJECTION, frame.sun_direction.z);
+    // The ray as the lawn without wind has it: sheared as the wind leans the lawn where the ray enters.
+    var begins = origin;
+    var along = d;
+    //#if WIND
+    let lean = leaning(origin.xy);
+    begins = unleant(origin, lean);
+    along = unleant(d, lean);
+    //#endif
+    let weight = weights(along);
+    let all = overall();
 
-    var walk = walk_from(origin, d, NOTHING, 0);
+    var walk = walk_from(begins, along, NOTHING, 0);
+    walk.end = end;
     var left = 1.0;
     var seen = Both(vec3f(0.0), vec3f(0.0));
     var depth = -1.0;
@@ -301,7 +487,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     var cut = -1.0;
     // One more than the steps: it tells whether there are more slices.
     for (var i = 0u; i <= STEPS; i++) {
-        let c = following(&walk);
+        var c = following(&walk);
         if (c.across == NOTHING) {
             break;
         }
@@ -309,44 +495,26 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
             cut = c.t;
             break;
         }
-        let w = select(weight.x, weight.y, c.across == ACROSS_Z);
-        let height = c.place.z / grass.base.w;
-        let level = max(0.0, log2((first + c.t) * grass.shown.w / texel));
-        let share = counted(c.across, height, w);
-        if (share <= 0.0) {
+        var own = d;
+        //#if WIND
+        // Look-ups are sheared by what the wind differs here from where the ray entered.
+        let leans = leaning(origin.xy + d.xy * c.t);
+        let within = vec2<bool>(c.across == ACROSS_X, c.across == ACROSS_Y);
+        c.place -= vec3f(select(c.place.z * (leans - lean), vec2f(0.0), within), 0.0);
+        own = unleant(d, leans);
+        //#endif
+        let level = level_at(first + c.t);
+        //#if WIND
+        let hit = struck(c, weight, level, own, all, leans);
+        //#else
+        let hit = struck(c, weight, level, own, all);
+        //#endif
+        if (hit.opacity <= 0.0) {
             continue;
         }
-        let what = sliced(c, 0, level);
-        if (what.w <= 0.0) {
-            continue;
-        }
-        // The side that the ray sees, by the blades' normals and not by the slice's.
-        let faces = dot(what.xyz, d) < 0.0;
-        let reflects = sliced(c, select(2, 1, faces), level);
-        let lets_through = sliced(c, 3, level).rgb;
-        let long = length(what.xyz);
-        let normal = select(-what.xyz, what.xyz, faces) / max(long, 1e-20);
-        // The level slice shows blades of all heights.
-        let stands = select(height, reflects.w / what.w, c.across == ACROSS_Z);
-        let opens = table(OPEN, stands);
-        let kept = left * share;
-        let both = kept * (reflects.rgb + lets_through);
-        //#if SKY
-        seen.sky += kept * opens * (reflects.rgb * from_above(normal) + lets_through * from_above(-normal));
-        seen.sky += both * (1.0 - 0.5 * opens) * around(stands, opens * overhead);
-        //#endif
-        //#if SUN
-        let to = frame.sun_direction.xyz;
-        // The ground hides a sun that is at the horizon or below it.
-        if (to.z > 0.0) {
-            let cosine = dot(normal, to);
-            let arrives = arriving_at(c, reflects.w / what.w, d, to, level);
-            let e = frame.sun_irradiance.rgb * 0.318309886;
-            seen.sun += kept * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
-            seen.sun += both * (1.0 - 0.5 * opens) * around(stands, e * scattered * table(SUNLIT, stands));
-        }
-        //#endif
-        left *= 1.0 - share * what.w;
+        seen.sky += left * hit.light.sky;
+        seen.sun += left * hit.light.sun;
+        left *= 1.0 - hit.opacity;
         if (left <= 0.5 && depth < 0.0) {
             depth = c.t;
         }
@@ -373,17 +541,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         }
     } else {
         let place = origin + d * end;
-        let sheltered = around(0.0, entry(OPEN, 0u) * overhead);
-        var soil = Both(mix(sheltered, overhead, grass.shown.z), vec3f(0.0));
-        //#if SUN
-        let to = frame.sun_direction.xyz;
-        if (to.z > 0.0) {
-            let e = frame.sun_irradiance.rgb * 0.318309886;
-            let level = max(0.0, log2((first + end) * grass.shown.w / texel));
-            soil.sun = e * to.z * passing(walk_from(place, to, NOTHING, 0), to, level);
-            soil.sun += (1.0 - grass.shown.z) * around(0.0, e * scattered * entry(SUNLIT, 0u));
-        }
-        //#endif
+        let soil = on_soil(place, level_at(first + end), all);
         seen.sky += left * grass.soil.rgb * soil.sky;
         seen.sun += left * grass.soil.rgb * soil.sun;
         if (at < 0.0) {
@@ -402,3 +560,4 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     let clip = frame.view_projection * vec4f(world, 1.0);
     return GrassOut(held(radiance), clamp(clip.z / clip.w, 0.0, 1.0));
 }
+//#endif

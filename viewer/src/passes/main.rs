@@ -150,36 +150,84 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
         ],
         immediate_size: 0,
     });
+    let buffers = vertex_layouts(
+        true,
+        variant.tangent(),
+        variant.leaf().is_some(),
+        variant.bend.any(),
+        variant.begins(),
+        variant.anchored.is_some(),
+    );
+    let vertex = vertex_state(&module, "vertex", &buffers);
+    drawing(gpu, "main", &layout, vertex, (&module, "fragment"), Default::default(), variant.msaa)
+}
+
+/// A vertex stage without constants of its own.
+pub(crate) fn vertex_state<'a>(
+    module: &'a wgpu::ShaderModule,
+    entry: &'a str,
+    buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+) -> wgpu::VertexState<'a> {
+    wgpu::VertexState { module, entry_point: Some(entry), compilation_options: Default::default(), buffers }
+}
+
+/// A pipeline that draws what is opaque into the main pass's targets: the nearest is seen.
+pub(crate) fn drawing(
+    gpu: &Gpu,
+    label: &str,
+    layout: &wgpu::PipelineLayout,
+    vertex: wgpu::VertexState<'_>,
+    fragment: (&wgpu::ShaderModule, &str),
+    primitive: wgpu::PrimitiveState,
+    msaa: u32,
+) -> wgpu::RenderPipeline {
+    let target = gpu.hdr_format(msaa).into();
+    pipeline_into(gpu, label, layout, vertex, fragment, primitive, (msaa, target, true))
+}
+
+/// The same for what lets light through: colours are multiplied by their opacity and laid over what is there, and no
+/// depth is written.
+pub(crate) fn blending(
+    gpu: &Gpu,
+    label: &str,
+    layout: &wgpu::PipelineLayout,
+    vertex: wgpu::VertexState<'_>,
+    fragment: (&wgpu::ShaderModule, &str),
+    primitive: wgpu::PrimitiveState,
+    msaa: u32,
+) -> wgpu::RenderPipeline {
+    let blend = Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    let target = wgpu::ColorTargetState { blend, ..gpu.hdr_format(msaa).into() };
+    pipeline_into(gpu, label, layout, vertex, fragment, primitive, (msaa, target, false))
+}
+
+fn pipeline_into(
+    gpu: &Gpu,
+    label: &str,
+    layout: &wgpu::PipelineLayout,
+    vertex: wgpu::VertexState<'_>,
+    (module, entry): (&wgpu::ShaderModule, &str),
+    primitive: wgpu::PrimitiveState,
+    (msaa, target, solid): (u32, wgpu::ColorTargetState, bool),
+) -> wgpu::RenderPipeline {
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("main"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex"),
-            compilation_options: Default::default(),
-            buffers: &vertex_layouts(
-                true,
-                variant.tangent(),
-                variant.leaf().is_some(),
-                variant.bend.any(),
-                variant.begins(),
-                variant.anchored.is_some(),
-            ),
-        },
-        primitive: wgpu::PrimitiveState::default(),
+        label: Some(label),
+        layout: Some(layout),
+        vertex,
+        primitive,
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
-            depth_write_enabled: Some(true),
+            depth_write_enabled: Some(solid),
             depth_compare: Some(wgpu::CompareFunction::Greater),
             stencil: Default::default(),
             bias: Default::default(),
         }),
-        multisample: wgpu::MultisampleState { count: variant.msaa, mask: !0, alpha_to_coverage_enabled: false },
+        multisample: wgpu::MultisampleState { count: msaa, mask: !0, alpha_to_coverage_enabled: false },
         fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment"),
+            module,
+            entry_point: Some(entry),
             compilation_options: Default::default(),
-            targets: &[Some(gpu.hdr_format(variant.msaa).into())],
+            targets: &[Some(target)],
         }),
         multiview_mask: None,
         cache: None,

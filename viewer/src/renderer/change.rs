@@ -57,6 +57,9 @@ impl Renderer {
     /// shadows with them.
     pub fn set_time(&mut self, wind: &Wind) {
         let Some(loaded) = &mut self.loaded else { return };
+        if let Some(grass) = &mut loaded.grass {
+            grass.time = wind.time_s;
+        }
         let Some(bend) = &loaded.bend else { return };
         bend.set_time(&self.gpu, loaded.extents.branches(), loaded.extents.sections(), wind);
         loaded.casters = loaded.extents.casters(Some(wind));

@@ -1,0 +1,268 @@
+//! What slices of a lawn are worth beside what else draws grass in real time: the same lawn under the same lights, as slices
+//! that a ray is followed through, as the same slices in polygons that are sorted and blended (H9 §2.2), and blade by blade,
+//! instanced with levels of detail. Each picture is held against the path-traced blades.
+//!
+//! Blades have the sun's shadow maps, which are drawn once and kept, and the sky's light as if each stood alone.
+
+use crate::{blocks, open, told};
+use glam::{DVec3, Vec3};
+use mesophyll_error::{Error, Result};
+use mesophyll_files::progress::Bar;
+use mesophyll_manifest::Manifest;
+use mesophyll_optics::side::Side;
+use mesophyll_scene::draw::truth::{Sampling, Truth};
+use mesophyll_scene::draw::{detail, handover, reference};
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::placed::leaf::Search;
+use mesophyll_transport::compare::compare;
+use mesophyll_transport::{self as transport, ReferencePicture};
+use mesophyll_viewer as gpu;
+use mesophyll_viewer::scene as viewer;
+use std::sync::Arc;
+
+/// A setting, how far its picture is from path-traced blades (FLIP, 99 %; NaN where it was not drawn), and a frame's time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// What was turned.
+    pub knob: &'static str,
+    /// Its setting, and how the lawn was drawn.
+    pub setting: String,
+    /// 99th percentile of FLIP.
+    pub error: f64,
+    /// Median time of a frame (µs).
+    pub us: f64,
+    /// What else is to be known.
+    pub note: String,
+}
+
+/// How a lawn is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Drawn {
+    Slices(u32),
+    Billboards,
+    Blades,
+}
+
+const LAWN: &str = include_str!("../../data/grass/lawn.toml");
+/// Blades on a square metre of the lawn.
+const PER_M2: f64 = 21_000.0;
+/// Elevations of the eye over the ground (degrees), distances (mm), and densities over the thinnest lawn's.
+const ELEVATIONS: [f64; 5] = [8.0, 20.0, 40.0, 65.0, 90.0];
+const DISTANCES: [f64; 3] = [500.0, 1500.0, 4500.0];
+const DENSITIES: [f64; 3] = [1.0, 4.0, 16.0];
+/// Steps of the progress bar.
+pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len()) as u64;
+/// Pixels and steps of Table 2.1's rows, and its speed-ups.
+const TABLE: [([u32; 2], u32, f64); 3] = [([1024, 768], 4, 1.56), ([1024, 768], 16, 2.67), ([1600, 1200], 4, 1.93)];
+/// Pixels of the pictures that are judged, paths a pixel, and pixels along the side of a block.
+const SIZE: [u32; 2] = [240, 160];
+const PATHS: u32 = 48;
+const BLOCK: usize = 20;
+const FRAMES: usize = 3;
+
+/// A lawn, ready to be drawn in all ways.
+struct Lawn {
+    scene: Scene,
+    base: viewer::Scene,
+}
+
+impl Lawn {
+    /// With so many blades on a square metre, on a square of so many rectangles of 400 mm.
+    fn new(per_m2: f64, tiles: usize) -> Result<Lawn> {
+        let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a lawn: {e}")))?;
+        let write =
+            |name: &str, text: String| mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes());
+        write("lawn.toml", LAWN.replace("per_m2 = 21000", &format!("per_m2 = {per_m2}")))?;
+        let lights = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 20000\n[sun]\nzenith_deg = 50\nazimuth_deg = 250\n\
+                      irradiance = [10, 9.6, 9]\n[sky]\nradiance = [0.7, 0.85, 1.1]\n";
+        let view = "[[view]]\nname = \"lawn\"\nkind = \"perspective\"\neye_mm = [0, -900, 400]\ntarget_mm = [0, 0, 0]\n\
+                    fov_deg = 20\n";
+        let grass = format!("[[grass]]\nname = \"lawn\"\nmeadow = \"lawn.toml\"\ntiles = [{tiles}, {tiles}]\n");
+        write("scene.toml", format!("schema = 1\nname = \"lawn\"\nexposure = 0.35\n{grass}{lights}{view}"))?;
+        let ledger = Ledger::new();
+        let manifest = Manifest::read(&folder.path().join("scene.toml"))?;
+        let scene = Scene::open(manifest, Search::default(), &ledger)?;
+        let base = handover::scene(&scene, &ledger)?;
+        Ok(Lawn { scene, base })
+    }
+
+    fn drawn(&self, way: Drawn) -> viewer::Scene {
+        let mut out = self.base.clone();
+        let with = |change: &dyn Fn(&mut viewer::Grass)| {
+            let mut grass = self.base.grass[0].as_ref().clone();
+            change(&mut grass);
+            vec![Arc::new(grass)]
+        };
+        match way {
+            Drawn::Slices(steps) => out.grass = with(&|g| g.steps = steps),
+            Drawn::Billboards => out.grass = with(&|g| g.billboards = true),
+            Drawn::Blades => self.blades(&mut out),
+        }
+        out
+    }
+
+    fn blades(&self, out: &mut viewer::Scene) {
+        out.grass.clear();
+        (out.shadow_samples, out.shadow_resolution) = (1, 4096);
+        let lawn = &self.scene.placed.grass[0];
+        let of_shape = |blade: &mesophyll_flora::form::Blade| {
+            let optics = lawn.leaves[&blade.material];
+            let rgb = |c: [f64; 3]| c.map(|v| v as f32);
+            let side = |side: Side| viewer::SideMaps {
+                interior: viewer::Interior::Maps {
+                    rho_d: vec![rgb(optics.rho_d[side as usize])],
+                    rho_t: vec![rgb(optics.rho_t)],
+                },
+                ..viewer::SideMaps::black()
+            };
+            let leaf = viewer::Leaf {
+                name: blade.material.clone(),
+                width: 1,
+                height: 1,
+                thickness_mm: 1.0,
+                lobe: viewer::Lobe::Beckmann,
+                sides: viewer::Sides::of(side),
+                mask: None,
+            };
+            let level = |l: detail::Detail| viewer::Detail { indices: l.indices, error: l.error_mm as f32 };
+            let details = detail::levels(&blade.mesh).into_iter().map(level).collect();
+            out.add(viewer::Mesh { details, ..handover::viewer_mesh(&blade.mesh) }, viewer::Material::Leaf(leaf))
+        };
+        let shapes: Vec<viewer::Instance> = lawn.plant.blades.iter().map(of_shape).collect();
+        for place in lawn.places() {
+            let at = |leaf: &mesophyll_flora::form::Leaf| viewer::Instance {
+                transform: (place * leaf.transform).as_mat4(),
+                ..shapes[leaf.blade]
+            };
+            out.instances.extend(lawn.plant.leaves.iter().map(at));
+        }
+    }
+}
+
+/// An eye at an elevation (degrees), so far from the lawn's middle (mm), that sees so much of it (mm, up and down).
+fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transport::Camera) {
+    let ((se, ce), (sa, ca)) = (elevation.to_radians().sin_cos(), 20f64.to_radians().sin_cos());
+    let (eye, target) = (distance * DVec3::new(ce * ca, ce * sa, se), DVec3::new(0.0, 0.0, 20.0));
+    let up = if elevation > 80.0 { DVec3::Y } else { DVec3::Z };
+    let fov_y_deg = 2.0 * (0.5 * seen / distance).atan().to_degrees();
+    let vec = |v: DVec3| -> Vec3 { v.as_vec3() };
+    let here = viewer::Camera { eye: vec(eye), target: vec(target), up: vec(up), fov_y_deg: fov_y_deg as f32 };
+    (here, transport::Camera { eye, target, up, fov_y_deg })
+}
+
+/// How far a picture is from the truth: FLIP (99 %), and the mean of its blocks less the truth's, over it (root mean square).
+fn apart(truth: &ReferencePicture, picture: &gpu::Picture) -> Result<(f64, f64)> {
+    let flip = compare(truth, &picture.ldr)?.flip_p99;
+    let means = |hdr: &[[f32; 4]]| blocks::means(hdr, [truth.width, truth.height], BLOCK);
+    let (right, found) = (means(&truth.hdr), means(&picture.hdr));
+    let off = right.iter().zip(&found).map(|(r, f)| (f64::from(f[1]) / f64::from(r[1]) - 1.0).powi(2));
+    Ok((flip, (off.sum::<f64>() / right.len() as f64).sqrt()))
+}
+
+fn frame(renderer: &mut gpu::Renderer, camera: &viewer::Camera, [w, h]: [u32; 2]) -> Result<f64> {
+    let timing = renderer.time(camera, w, h, FRAMES).map_err(told)?;
+    Ok(1e3 * timing.quantile(0.5).unwrap_or(f64::NAN))
+}
+
+impl Drawn {
+    fn name(self) -> String {
+        match self {
+            Drawn::Slices(steps) => format!("slices, {steps} steps"),
+            Drawn::Billboards => "billboards".into(),
+            Drawn::Blades => "blades".into(),
+        }
+    }
+}
+
+/// All rows, drawn in one run on one adapter, which notes name.
+///
+/// # Errors
+/// [`Error::Missed`] without an adapter, and those of reading, drawing and of a stop.
+pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
+    let mut renderer = open()?;
+    let adapter = renderer.adapter().name.clone();
+    let mut rows = Vec::new();
+    let lawn = Lawn::new(PER_M2, 4)?;
+    let world = reference::traced(&lawn.scene, 0.0, &Ledger::new())?;
+    let truth = Truth::new(&world, true)?;
+    let all = [Drawn::Slices(64), Drawn::Slices(16), Drawn::Slices(4), Drawn::Billboards, Drawn::Blades];
+    let mut judged = |truth: &Truth, lawn: &Lawn, knob, setting: f64, unit: &str, eye: (f64, f64, f64)| {
+        let (here, there) = camera(eye.0, eye.1, eye.2);
+        let [w, h] = SIZE.map(|n| n as usize);
+        let sampling = |seed| Sampling { size: [w, h], samples: PATHS, sun_samples: 4, seed };
+        let right = truth.draw(&there, "lawn", sampling(1))?;
+        let noise = compare(&right, &truth.draw(&there, "lawn", sampling(2))?.ldr)?.flip_p99;
+        for way in all {
+            renderer.set_scene(&lawn.drawn(way)).map_err(told)?;
+            let picture = renderer.render(&here, SIZE[0], SIZE[1]).map_err(told)?;
+            let (error, off) = apart(&right, &picture)?;
+            let us = frame(&mut renderer, &here, SIZE)?;
+            rows.push(Row {
+                knob,
+                setting: format!("{setting}{unit}: {}", way.name()),
+                error,
+                us,
+                note: format!(
+                    "FLIP 99 % against path-traced blades (their noise {noise:.2}); means of blocks are off by {:.0} %; {}x{} \
+                     pixels on {adapter}",
+                    100.0 * off,
+                    SIZE[0],
+                    SIZE[1]
+                ),
+            });
+        }
+        bar.step()
+    };
+    for elevation in ELEVATIONS {
+        judged(&truth, &lawn, "elevation", elevation, "°", (elevation, 1200.0, 200.0))?;
+    }
+    let wide = Lawn::new(PER_M2, 8)?;
+    let world = reference::traced(&wide.scene, 0.0, &Ledger::new())?;
+    let truth = Truth::new(&world, true)?;
+    for distance in DISTANCES {
+        judged(&truth, &wide, "distance", distance / 1e3, " m", (35.0, distance, 0.3 * distance))?;
+    }
+    let mut first = [f64::NAN; 3];
+    for density in DENSITIES {
+        let lawn = Lawn::new(PER_M2 / 4.0 * density, 4)?;
+        for (k, way) in [Drawn::Slices(16), Drawn::Billboards, Drawn::Blades].into_iter().enumerate() {
+            renderer.set_scene(&lawn.drawn(way)).map_err(told)?;
+            let us = frame(&mut renderer, &camera(35.0, 1200.0, 300.0).0, [480, 320])?;
+            if density == 1.0 {
+                first[k] = us;
+            }
+            rows.push(Row {
+                knob: "density",
+                setting: format!("x {density}: {}", way.name()),
+                error: f64::NAN,
+                us,
+                note: format!(
+                    "{:.2} times the time of the thinnest lawn ({:.0} blades a square metre); 480x320 on {adapter}",
+                    us / first[k],
+                    PER_M2 / 4.0
+                ),
+            });
+        }
+        bar.step()?;
+    }
+    for (size, steps, speed_up) in TABLE {
+        let mut times = [0.0; 2];
+        for (time, way) in times.iter_mut().zip([Drawn::Slices(steps), Drawn::Billboards]) {
+            renderer.set_scene(&lawn.drawn(way)).map_err(told)?;
+            *time = frame(&mut renderer, &camera(25.0, 1200.0, 300.0).0, size)?;
+        }
+        rows.push(Row {
+            knob: "Table 2.1",
+            setting: format!("{}x{}, {steps} steps", size[0], size[1]),
+            error: f64::NAN,
+            us: times[0],
+            note: format!(
+                "billboards take {:.2} times as long as slices; {speed_up} in the dissertation, on other adapters; {adapter}",
+                times[1] / times[0]
+            ),
+        });
+        bar.step()?;
+    }
+    Ok(rows)
+}
