@@ -1,4 +1,4 @@
-//! σa and σs of a slab from measured (ρd, ρt, thickness), one row at a time: what `mesophyll fit slab` does to each
+//! σa and σs of a slab from measured (ρd, ρt, thickness), one row at a time. `mesophyll fit slab` does this to each
 //! row.
 //!
 //! Units: thickness in mm, σ in 1/mm, errors absolute standard errors.
@@ -13,7 +13,7 @@ pub struct Options {
     pub precision: Precision,
     /// Standard error of ρd and ρt where a row has none of its own; 0 for exact values, `None` where nobody stated it.
     pub noise: Option<f64>,
-    /// What the surface reflects of the measured ρd before light enters the slab; it is taken off.
+    /// The share of the measured ρd that the surface reflects before light enters the slab; it is subtracted.
     pub surface: f64,
 }
 
@@ -84,7 +84,7 @@ mod tests {
         answer(&Options { precision: Precision::Fast, noise, surface: 0.0 }, &m)
     }
 
-    /// Without noise the numbers are those of the exact input, and no error is claimed.
+    /// Without stated noise the numbers are those of exact input, and no error is claimed.
     #[test]
     fn errors_are_empty_without_noise() {
         let (unstated, exact, noisy) = (with(None, LEAF), with(Some(0.0), LEAF), with(Some(5e-3), LEAF));

@@ -1,8 +1,9 @@
-//! The leaf fit of a capture under a dome (H9 §3.3.2): maps of albedo, transmittance, thickness and normals → σa, σs
-//! and γ → the same folder that a scan under a tube gives, so that everything after it (report, translucency, scenes,
-//! export) is the same.
+//! The leaf fit of a capture under a dome (H9 §3.3.2). It reads maps of albedo, transmittance, thickness and normals,
+//! and finds the absorption σa and the scattering σs of the tissue (1/mm) and γ, a texel's reflectance relative to the
+//! leaf's. It writes the same folder as the fit of a scan under a tube, so that the report, the translucency fit,
+//! scenes and exports work on either.
 //!
-//! What a dome does not show is said: gloss is taken from a stated index and slope, or left out.
+//! A dome does not show gloss. The caller states its refractive index and slope, or gloss is left out.
 
 mod output;
 mod slab;
@@ -30,7 +31,7 @@ pub struct Options {
     pub force: bool,
 }
 
-/// One side, fitted; maps as its camera saw it.
+/// One fitted side. Its maps are in the image of the camera that saw this side.
 pub struct Fitted {
     /// Which side it is.
     pub side: Side,
@@ -40,7 +41,7 @@ pub struct Fitted {
     pub thickness: Vec<f64>,
     /// The mean tissue of each channel.
     pub slab: [Slab; 3],
-    /// A texel, a channel; NaN where a texel is not good.
+    /// σa and σs with their standard errors, a texel and channel; NaN where a texel is not good.
     pub sigma: Vec<[Sigma; 3]>,
     /// γ and its standard error.
     pub gamma: Vec<[[f64; 2]; 3]>,
@@ -78,7 +79,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// σ of the leaf and of every texel, and γ, of one side.
+/// σ of the leaf, and σ and γ of every texel, for one side.
 fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> {
     let (side, width) = (reduced.side(name), reduced.width);
     let own = |map: &[f64]| match name {
@@ -113,7 +114,7 @@ fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> 
             if side.status[k] != 1 {
                 return ([unknown; 3], [[f64::NAN; 2]; 3]);
             }
-            // σ is inverse to the thickness, whose noise is a texel's own.
+            // σ is inversely proportional to the thickness, and each texel's thickness has noise of its own.
             let relative = thickness_err[k] / thickness[k];
             let channel = |c: usize| {
                 let t = texel(k, c);

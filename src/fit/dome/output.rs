@@ -91,7 +91,7 @@ fn mean(fitted: &Fitted) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// The blade over the middle between both sides, from the front's normals.
+/// The blade's mesh halfway between both sides, from the normals of the front.
 fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
     let side = &reduced.front;
     let slopes: Vec<Option<[f64; 2]>> = side
@@ -118,7 +118,8 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
         values.add(quantity, c, (0..good.len()).map(|k| value(from(k)) as f32).collect());
         errors.add(quantity, c, (0..good.len()).map(|k| if good[k] { error(k) as f32 } else { f32::NAN }).collect());
     };
-    // What all texels share stands in every texel's error: the highlight taken off, and the caliper's zero.
+    // Two errors are shared by all texels and so are part of every texel's error: that of the highlight which was
+    // subtracted, and that of the caliper's zero.
     let common = side.highlight.stderr;
     let thickness_err = reduced.alignment.thickness_error_mm.hypot(reduced.alignment.offset_err_mm);
     for c in 0..3 {
@@ -200,8 +201,8 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
 fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Result<BTreeMap<String, TruthError>> {
     let mut out = BTreeMap::new();
     let Some(truth) = capture.truth(fitted.side)? else { return Ok(out) };
-    // What the camera saw comes through with light scattered sideways: that is what was measured, not each texel's own
-    // slab.
+    // The camera saw light that had scattered sideways through neighbouring texels. The fit is compared with what was
+    // measured, not with the slab of each texel alone.
     let pairs = [
         (Quantity::RhoD, Quantity::RhoD),
         (Quantity::RhoT, Quantity::Transmittance),

@@ -1,16 +1,17 @@
-//! σa and σs of a leaf whose thickness was measured: one slab a channel that gives the leaf's mean albedo and
-//! transmittance at its own thicknesses.
+//! σa and σs of a leaf whose thickness was measured. One slab a channel is found that gives the leaf's mean albedo ρd
+//! and mean transmittance ρt at the leaf's own thicknesses h(x).
 //!
-//! Two equations for two unknowns a channel, over the good texels: mean ρd/ρd(σ, h(x)) = 1 (so that the mean of γ is 1)
-//! and mean ρt/ρt(σ, h(x)) = 1. Texels of like thickness are put together first. Errors: those of the means, of what
-//! all texels share (the highlight taken off), and of the caliper, to which σ is inverse.
+//! Two equations determine the two unknowns of a channel. Over the good texels, the mean of ρd/ρd(σ, h(x)) is 1 (so
+//! that the mean of γ is 1), and the mean of ρt/ρt(σ, h(x)) is 1. Texels of similar thickness are grouped first. The
+//! standard errors add three parts: the noise of the two means, the error of the highlight that was subtracted from all
+//! texels, and the error of the caliper (σ is inversely proportional to the thickness).
 
 use mesophyll_optics::slab::inverse;
 use mesophyll_optics::slab::response_with_partials;
 use mesophyll_solve::Termination;
 use mesophyll_solve::damped::{self, Control, Damped, newton_step};
 
-/// What one channel says.
+/// What one texel shows in one channel.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Texel {
     pub thickness: f64,
@@ -23,13 +24,13 @@ pub struct Texel {
 /// Errors that all texels of a side share.
 #[derive(Debug, Clone, Copy)]
 pub struct Shared {
-    /// Of ρd, absolute.
+    /// Standard error of ρd, absolute.
     pub rho_d: f64,
-    /// Of the thickness, relative.
+    /// Standard error of the thickness, relative to it.
     pub thickness: f64,
 }
 
-/// The slab of a channel (1/mm), with standard errors; `undetermined` says why it is not to be relied on.
+/// The slab of a channel (1/mm), with standard errors. `undetermined` says why the numbers cannot be relied on, if so.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slab {
     pub sigma_a: [f64; 2],
@@ -39,7 +40,7 @@ pub struct Slab {
 
 const GROUPS: usize = 48;
 
-/// Fits one channel; `letter` names it in what is undetermined.
+/// Fits one channel. `letter` names the channel in the message of `undetermined`.
 pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
     let groups = groups(texels);
     let n = texels.len().max(1) as f64;
@@ -73,10 +74,10 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
     Slab { sigma_a: [x[0], a], sigma_s: [x[1], s], undetermined }
 }
 
-/// Share of the leaf, thickness, ρd and ρt of texels of like thickness.
+/// Groups of texels of similar thickness: their share of the leaf, thickness, ρd and ρt.
 struct Leaf<'a>(&'a [(f64, f64, f64, f64)]);
 
-/// σa and σs with mean ρd/ρd(σ) − 1 and mean ρt/ρt(σ) − 1, and their derivatives by ln σa and ln σs.
+/// The residuals mean ρd/ρd(σ) − 1 and mean ρt/ρt(σ) − 1, and their derivatives by ln σa and ln σs.
 struct At {
     x: [f64; 2],
     f: [f64; 2],
@@ -100,12 +101,12 @@ impl At {
     }
 }
 
-/// Newton in the logarithms.
+/// Newton's method in ln σa and ln σs.
 impl Damped for Leaf<'_> {
     type Point = At;
     type Step = [f64; 2];
 
-    /// No step is longer than a factor of e.
+    /// Limits a step to a factor of e.
     fn step(&mut self, at: &At, _: f64) -> Option<[f64; 2]> {
         let step = newton_step(&at.j, at.f).map(|s| s.clamp(-1.0, 1.0));
         step.iter().all(|s| s.is_finite()).then_some(step)
@@ -123,7 +124,7 @@ impl Damped for Leaf<'_> {
         At::new(self.0, moved(at.x, step, share))
     }
 
-    /// Every step is kept: the map is close to linear in the logarithms, and the length of a step is limited.
+    /// Every step is kept: the residuals are close to linear in the logarithms, and the length of a step is limited.
     fn better(&self, _: &At, _: &At) -> bool {
         true
     }
@@ -133,7 +134,7 @@ fn moved(x: [f64; 2], step: &[f64; 2], share: f64) -> [f64; 2] {
     [x[0] * (-share * step[0]).exp(), x[1] * (-share * step[1]).exp()]
 }
 
-/// The groups of texels of like thickness.
+/// The groups of texels of similar thickness.
 fn groups(texels: &[Texel]) -> Vec<(f64, f64, f64, f64)> {
     let mut sorted: Vec<&Texel> = texels.iter().collect();
     sorted.sort_unstable_by(|a, b| a.thickness.total_cmp(&b.thickness));
@@ -158,7 +159,7 @@ mod tests {
             .map(|k| {
                 let h = 0.12 + 0.3 * (f64::from(k) / 2000.0).powi(3);
                 let r = response(4.0, 12.0, h);
-                // Albedo factors of mean 1 are no slab's business.
+                // The albedo factors have the mean 1, so they do not change the slab.
                 let gamma = 1.0 + 0.2 * (0.7 * f64::from(k)).sin();
                 Texel { thickness: h, rho_d: gamma * r.rho_d, rho_t: r.rho_t, rho_d_err: 1e-3, rho_t_err: 1e-3 }
             })
@@ -166,12 +167,12 @@ mod tests {
         let slab = fit(&texels, Shared { rho_d: 0.0, thickness: 0.0 }, "G");
         assert!(slab.undetermined.is_empty(), "{slab:?}");
         assert!((slab.sigma_a[0] / 4.0 - 1.0).abs() < 3e-3 && (slab.sigma_s[0] / 12.0 - 1.0).abs() < 3e-3, "{slab:?}");
-        // The mean of γ is 1 whatever else.
+        // The mean of γ is 1 by construction.
         let gamma =
             texels.iter().map(|t| t.rho_d / response(slab.sigma_a[0], slab.sigma_s[0], t.thickness).rho_d).sum::<f64>()
                 / 2000.0;
         assert!((gamma - 1.0).abs() < 1e-3, "{gamma}");
-        // A caliper that is 3 % off shows in both.
+        // A caliper error of 3 % shows in both standard errors.
         let slab = fit(&texels, Shared { rho_d: 0.0, thickness: 0.03 }, "G");
         assert!(slab.sigma_a[1] / slab.sigma_a[0] >= 0.03 && slab.sigma_s[1] / slab.sigma_s[0] >= 0.03);
     }

@@ -1,8 +1,8 @@
 //! The pigments of a leaf and the oblateness of its epidermis, from the light that it reflects and lets through.
 //!
-//! The model is the layered leaf of [`mesophyll_optics::foliar`], solved exactly. R and T depend on contents per area:
-//! the thickness of the mesophyll does not enter. Misfits may have several minima, so that the solver starts at several
-//! places.
+//! The model is the layered leaf of [`mesophyll_optics::foliar`], solved exactly. Reflectance R and transmittance T
+//! depend on contents per area, so the thickness of the mesophyll does not matter. The misfit may have several minima,
+//! so the solver starts at several places.
 
 mod shared;
 pub mod surface;
@@ -52,7 +52,7 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// Its column.
+    /// The name of the parameter's column in tables.
     pub fn column(self) -> &'static str {
         match self {
             Parameter::Chlorophyll => "chlorophyll_ug_cm2",
@@ -65,13 +65,14 @@ impl Parameter {
         }
     }
 
-    /// Its place among the [`SUBSTANCES`].
+    /// The parameter's place among the [`SUBSTANCES`].
     fn substance(self) -> Option<usize> {
         let k = self as usize;
         (k < SUBSTANCES.len()).then_some(k)
     }
 
-    /// Largest value that is looked for, and the range that starts are taken from; of the oblateness as ln(1 + it).
+    /// The largest value that the fit looks for, and the range that starting values are taken from. Both are ln(1 + x)
+    /// for the oblateness x.
     fn range(self) -> (f64, [f64; 2]) {
         match self {
             Parameter::Chlorophyll => (400.0, [3.0, 80.0]),
@@ -90,7 +91,7 @@ impl Parameter {
 pub struct Reading {
     /// Which of the model's [`Model::lights`].
     pub light: usize,
-    /// Transmittance; else reflectance.
+    /// Whether the reading is a transmittance; otherwise it is a reflectance.
     pub through: bool,
     /// The share of light that was measured.
     pub value: f64,
@@ -102,7 +103,7 @@ pub struct Reading {
 pub struct Model {
     /// Wavelengths (nm) and lit sides of the readings, with the optical constants there.
     pub lights: Vec<(f64, Side, Constants)>,
-    /// Which of the surfaces each light has: lights of one side with the same indices share one.
+    /// Index of each light's surface. Lights of one side with the same refractive indices share a surface.
     places: Vec<usize>,
     surfaces: Arc<[OnceLock<Surface>]>,
     setting: Setting,
@@ -113,12 +114,12 @@ pub struct Model {
 
 /// How many places the solver starts at.
 const STARTS: usize = 8;
-/// About so many of a leaf's readings tell its minima apart.
+/// About this many of a leaf's readings are enough to tell its minima apart.
 const FEW: usize = 48;
-/// An `ok` promises errors of this part of each value at most.
+/// The status `ok` promises that each value's standard error is at most this part of the value.
 const PROMISE: f64 = 0.1;
 
-/// What of the asked can be fitted.
+/// The asked parameters that can be fitted at all.
 fn free(asked: &[Parameter]) -> Vec<Parameter> {
     asked.iter().copied().filter(|p| *p != Parameter::Thickness).collect()
 }
@@ -154,7 +155,7 @@ impl Model {
         Ok(Model { lights, places, surfaces, setting, free: free(asked), asked: asked.to_vec(), noise })
     }
 
-    /// The same lights asked for other parameters, or with another noise. What is computed of the lights is shared.
+    /// The same lights, asked for other parameters or with another noise. Everything computed for the lights is shared.
     pub fn asking(&self, asked: &[Parameter], noise: Option<f64>) -> Model {
         Model {
             lights: self.lights.clone(),
@@ -173,8 +174,8 @@ impl Model {
         names().chain(names().map(|n| n + "_err")).chain(["rms", "minima"].map(String::from)).collect()
     }
 
-    /// Computes what the lights of a side share, where they are so many that this is less work than one after the
-    /// other. It uses all threads; what is not prepared is computed where it is first needed.
+    /// Prepares what the lights of a side share, where there are so many lights that this is less work than computing
+    /// one after the other. It uses all threads. Whatever is not prepared is computed when it is first needed.
     pub fn prepare(&self, side: Side) {
         let mut triples: Vec<[f64; 3]> = Vec::new();
         for (_, _, constants) in self.lights.iter().filter(|l| l.1 == side) {
@@ -198,8 +199,8 @@ impl Model {
         })
     }
 
-    /// R and T of all lights that `readings` name, one after the other, with their derivatives by absorption and
-    /// lobe, for parameters of the free.
+    /// R and T of all lights that `readings` name, one after the other, for values of the free parameters. Each comes
+    /// with its derivatives by absorption and by the lobe of the epidermis.
     fn values(&self, readings: &[Reading], known: &Known, params: &[f64]) -> Vec<[surface::Value; 2]> {
         let mut contents = known.contents;
         let mut lobe = known.oblateness.ln_1p();
@@ -222,11 +223,11 @@ impl Model {
         values
     }
 
-    /// Measured less computed over the error, with derivatives. Residuals and derivatives are asked for at the same
-    /// parameters, and computed once.
+    /// The residuals (measured − computed)/error and their derivatives. The solver asks for both at the same
+    /// parameters; they are computed once.
     fn problem<'a>(&'a self, readings: &'a [Reading], sigma: &'a [f64], known: &'a Known) -> impl Problem + 'a {
         let (n, m) = (self.free.len(), readings.len());
-        // Which of the values a reading has.
+        // For each reading, which of the computed values belongs to it.
         let mut place = Vec::with_capacity(m);
         for (k, r) in readings.iter().enumerate() {
             let before = place.last().copied().unwrap_or(0);
@@ -264,7 +265,7 @@ impl Model {
         })
     }
 
-    /// R or T of every reading for the values of a fit's answer, in the order of what was asked.
+    /// R or T of every reading for the values of a fit's answer. The values are in the order of the asked parameters.
     pub fn computed(&self, readings: &[Reading], known: &Known, values: &[f64]) -> Vec<f64> {
         let of = |p: &Parameter| {
             let x = self.asked.iter().position(|a| a == p).and_then(|k| values.get(k)).copied().unwrap_or(0.0);
@@ -286,7 +287,7 @@ impl Model {
             return Answer::refused(format!("the {name} at {at} nm is {}; expected 0 to 1", r.value));
         }
         let stated = self.noise.is_some() || readings.iter().all(|r| r.err > 0.0);
-        // Exact readings weigh alike.
+        // Exact readings all have the same weight.
         let sigma: Vec<f64> = readings
             .iter()
             .map(|r| if r.err > 0.0 { r.err } else { self.noise.filter(|n| *n > 0.0).unwrap_or(1.0) })
@@ -306,8 +307,8 @@ impl Model {
         };
         let [low, high] = [0, 1].map(|k| ranges.iter().map(|r| r.1[k]).collect::<Vec<_>>());
         let mut starts = global::starts_in_box(&low, &high, STARTS, 1).unwrap_or_default();
-        // Many readings: a few of them tell the minima apart, all of them say where each is.
-        // An odd step takes R and T in turn.
+        // Where there are many readings, a few of them tell the minima apart, and all of them refine each minimum. An
+        // odd step takes R and T in turn.
         let stride = (m / FEW) | 1;
         if stride > 1 {
             let some: Vec<usize> = (0..m).step_by(stride).collect();
@@ -358,8 +359,8 @@ impl Model {
 }
 
 impl Model {
-    /// A parameter that may lie on the edge of what is looked for, at two standard errors; where nothing bounds it on
-    /// the other side either, there is nothing to say. `x` and its error `s` are as the solver has them.
+    /// Says so where a parameter may lie at the edge of the searched range, within two standard errors. Where the
+    /// parameter may lie at both edges, nothing is said. `x` and its error `s` are in the solver's variables.
     fn bound(&self, p: Parameter, x: f64, s: f64) -> Option<String> {
         let (most, _) = p.range();
         let (low, high) = (x - 2.0 * s, x + 2.0 * s);

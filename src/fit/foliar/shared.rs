@@ -1,22 +1,22 @@
-//! Surfaces of many wavelengths from those of few leaves.
+//! Surfaces of many wavelengths, interpolated from surfaces at few triples of refractive indices.
 //!
-//! Refractive indices change little and smoothly over a spectrum, so that R and T at one absorption and oblateness are
-//! smooth functions of the three indices. They are computed at the nodes of Chebyshev polynomials over the box that the
-//! indices of a spectrum fill, and interpolated between. The box has the axes √(n_cuticle − n_mesophyll), n_mesophyll
-//! and √(n_mesophyll − n_antidermal): angles of total reflection begin like the roots of such differences. The error is
-//! checked at some of the spectrum's own indices.
+//! Refractive indices change little and smoothly over a spectrum. At one absorption and oblateness, R and T are
+//! therefore smooth functions of the three indices. They are computed at the nodes of Chebyshev polynomials over the
+//! box that the indices of a spectrum fill, and interpolated in between. The axes of the box are √(n_cuticle −
+//! n_mesophyll), n_mesophyll and √(n_mesophyll − n_antidermal), because the angles of total reflection start like the
+//! square roots of these differences. The error is checked at some of the spectrum's own indices.
 
 use super::surface::{Setting, Surface, chebyshev_node};
 use mesophyll_optics::foliar::Side;
 use rayon::prelude::*;
 
-/// Largest error of R and T that is taken.
+/// Largest error of R and T that is accepted.
 const ERROR: f64 = 3e-5;
-/// Nodes along the three axes, from the coarsest on.
+/// Nodes along the three axes; the coarsest grid is tried first.
 const NODES: [[usize; 3]; 2] = [[4, 3, 2], [6, 4, 3]];
 /// Indices of the spectrum at which the error is checked.
 const CHECKS: usize = 3;
-/// Media whose indices differ by less are not told from equal ones here.
+/// Indices that differ by less than this are treated as equal, and the interpolation is not used.
 const APART: f64 = 1e-3;
 
 /// Surfaces at the nodes.
@@ -28,7 +28,7 @@ pub struct Shared {
     nodes: Vec<Surface>,
 }
 
-/// Where indices lie along the axes; `None` where they are not in the order of a leaf's.
+/// The place of a triple of indices along the axes; `None` where the indices do not have the order of a leaf's.
 fn place([cuticle, mesophyll, antidermal]: [f64; 3]) -> Option<[f64; 3]> {
     let (outer, inner) = (cuticle - mesophyll, mesophyll - antidermal);
     let leafy = outer > APART && inner > APART && antidermal > 1.0 + APART;
@@ -39,9 +39,9 @@ fn indices([outer, mesophyll, inner]: [f64; 3]) -> [f64; 3] {
     [mesophyll + outer * outer, mesophyll, mesophyll - inner * inner]
 }
 
-/// What the values at `n` Chebyshev nodes on [−1, 1] are multiplied by for the value of their polynomial at `t`.
+/// Weights of the values at `n` Chebyshev nodes on [−1, 1]: their weighted sum is the interpolating polynomial at `t`.
 fn weights(n: usize, t: f64) -> Vec<f64> {
-    // T_j(t) = cos(j arccos t), and the same at the nodes
+    // T_j(t) = cos(j arccos t); the same formula gives T_j at the nodes.
     let angle = t.clamp(-1.0, 1.0).acos();
     let weight = |k: usize| {
         let at = chebyshev_node(k, n).acos();
@@ -52,15 +52,16 @@ fn weights(n: usize, t: f64) -> Vec<f64> {
 }
 
 impl Shared {
-    /// For a spectrum that has these triples of indices, each once. `None` where as many surfaces or more would be
-    /// needed, where the indices are not ordered as a leaf's, and where the error is too large.
+    /// For a spectrum that has these triples of indices, each listed once. `None` where this would need as many
+    /// surfaces as there are triples or more, where the indices do not have the order of a leaf's, or where the error
+    /// is too large.
     pub fn new(triples: &[[f64; 3]], setting: &Setting, side: Side) -> Option<Shared> {
         let places: Vec<[f64; 3]> = triples.iter().map(|t| place(*t)).collect::<Option<_>>()?;
         let range: [[f64; 2]; 3] = std::array::from_fn(|axis| {
             let along = || places.iter().map(|p| p[axis]);
             [along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max)]
         });
-        // Corners of the box may be out of order though no triple is.
+        // A corner of the box may have indices out of order although no triple has.
         place(indices([range[0][0], range[1][0], range[2][1]]))?;
         let mut checks: Option<Vec<([f64; 3], Surface)>> = None;
         for counts in NODES {

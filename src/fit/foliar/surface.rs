@@ -1,23 +1,24 @@
-//! Reflectance and transmittance at one wavelength as a function of absorption and of the epidermis's oblateness: the
-//! exact method at the nodes of Chebyshev polynomials, which give values and derivatives between them.
+//! Reflectance R and transmittance T at one wavelength, as functions of absorption and of the epidermis's oblateness.
+//! The exact method runs at the nodes of Chebyshev polynomials; the polynomials give values and derivatives in between.
 //!
-//! Thousands of leaves share the indices of a wavelength. The exact method is run once a node instead of at every step
-//! of every leaf's fit.
+//! Thousands of leaves share the refractive indices of a wavelength. So the exact method runs once for each node
+//! instead of at every step of every leaf's fit.
 
 use mesophyll_optics::foliar::exact::{Prepared, Resolution};
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
 use std::f64::consts::PI;
 
-/// Largest oblateness of the epidermis that is looked for: its lobe is then 6° wide.
+/// Largest oblateness of the epidermis that the fit looks for. The lobe is then 6° wide.
 pub const MOST_OBLATE: f64 = 100.0;
 /// Nodes over absorption and over ln(1 + oblateness).
 const DEPTHS: usize = 26;
 const LOBES: usize = 13;
-/// Absorption of one crossing at which the variable d/(d + BEND) is a half, and beyond which all is black.
+/// At this absorption of one crossing the polynomials' variable d/(d + BEND) is one half. Beyond `BLACK` no light is
+/// left.
 const BEND: f64 = 0.4;
 const BLACK: f64 = 40.0;
 
-/// How finely the exact method is solved at the nodes: better than 2e-5, which is less than what lies between nodes.
+/// How finely the exact method is solved at the nodes: better than 2e-5, which is less than the error of interpolation.
 const RESOLUTION: Resolution = Resolution { order: 10, piece: 9, azimuth: 12 };
 
 /// What the fit takes as known of the leaf and the instrument.
@@ -47,7 +48,7 @@ pub struct Value {
 /// R and T at one wavelength, from one side.
 #[derive(Debug, Clone)]
 pub struct Surface {
-    /// Of each, the coefficient of T_i in the lobe's variable times T_j in the absorption's.
+    /// For R and T, the coefficients of T_i in the lobe's variable times T_j in the absorption's variable.
     coefficients: [Vec<f64>; 2],
 }
 
@@ -56,7 +57,7 @@ pub fn widest() -> f64 {
     MOST_OBLATE.ln_1p()
 }
 
-/// Node `k` of `n`: where T_n is 0.
+/// Node `k` of `n`: the `k`th zero of T_n.
 pub fn chebyshev_node(k: usize, n: usize) -> f64 {
     (PI * (k as f64 + 0.5) / n as f64).cos()
 }
@@ -73,7 +74,7 @@ fn chebyshev<const N: usize>(t: f64) -> ([f64; N], [f64; N]) {
 }
 
 impl Surface {
-    /// Of a leaf whose refractive indices (cuticle, mesophyll, antidermal wall) are `indices`.
+    /// The surface of a leaf whose refractive indices (cuticle, mesophyll, antidermal wall) are `indices`.
     pub fn new(indices: [f64; 3], setting: &Setting, side: Side) -> Surface {
         let [n_cuticle, n_mesophyll, n_antidermal] = indices;
         let top = BLACK / (BLACK + BEND);
@@ -136,7 +137,7 @@ impl Surface {
         worst
     }
 
-    /// R and T at an absorption times thickness of 0 or more and a ln(1 + oblateness) from 0 to [`widest`].
+    /// R and T, for an absorption times thickness of 0 or more and a ln(1 + oblateness) from 0 to [`widest`].
     pub fn at(&self, depth: f64, lobe: f64) -> [Value; 2] {
         let top = BLACK / (BLACK + BEND);
         let inside = depth.clamp(0.0, BLACK);
@@ -164,7 +165,7 @@ mod tests {
     use super::*;
     use mesophyll_optics::foliar::exact;
 
-    /// Beside the exact method itself, values and derivatives.
+    /// Values and derivatives are compared with the exact method itself.
     #[test]
     fn between_its_nodes_it_is_the_exact_method() {
         let setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };

@@ -54,14 +54,14 @@ fn what_a_leaf_was_made_of_is_found() {
         let found = model.fit(&readings(&LIGHTS, chlorophyll, carotenoid, epidermis), &KNOWN);
         for (k, truth) in [chlorophyll, carotenoid, epidermis].into_iter().enumerate() {
             let (value, error) = (found.values[k], found.values[3 + k]);
-            // The readings have no noise, so that all that is left is what lies between the nodes.
+            // The readings have no noise: the only error left is that of interpolation between the nodes.
             assert!((value - truth).abs() < 0.3 * error, "{truth}: {found:?}");
         }
         assert!(found.values[6] < 1e-4, "{found:?}");
     }
 }
 
-/// Standard errors are those of fits to noisy readings.
+/// The stated standard errors agree with the scatter of fits to noisy readings.
 #[test]
 fn standard_errors_are_true() {
     use rand::{RngExt, SeedableRng};
@@ -75,7 +75,7 @@ fn standard_errors_are_true() {
         let noisy: Vec<Reading> = clean
             .iter()
             .map(|r| {
-                // a sum of twelve uniform numbers is normal enough
+                // The sum of twelve uniform numbers is close enough to normal.
                 let z: f64 = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
                 Reading { value: r.value + noise * z, ..*r }
             })
@@ -87,7 +87,7 @@ fn standard_errors_are_true() {
     }
     for (k, s) in squares.iter().enumerate() {
         let chi2 = s / f64::from(runs);
-        // four standard deviations of χ², and a tenth for what is not linear
+        // The limit is four standard deviations of χ², plus a tenth for what is not linear.
         assert!((chi2 - 1.0).abs() < 4.0 * (2.0 / f64::from(runs)).sqrt() + 0.1, "{k}: {chi2}");
     }
 }
@@ -99,7 +99,7 @@ fn what_readings_do_not_tell_is_named() {
     let all = readings(&LIGHTS, 30.0, 8.0, 5.0);
     let Status::Undetermined(what) = model.fit(&all, &KNOWN).status else { panic!("a thickness was found") };
     assert!(what.starts_with("mesophyll_thickness_mm") && !what.contains("chlorophyll"), "{what}");
-    // One wavelength: a sum of pigments, and the lobe.
+    // One wavelength tells only a sum of pigments, and the lobe.
     let model = MODEL.asking(&THREE, Some(1e-3));
     let one = model.fit(&all[2..4], &KNOWN).status;
     assert!(one.leaves_open("chlorophyll_ug_cm2") && one.leaves_open("carotenoid_ug_cm2"), "{one}");
@@ -122,7 +122,8 @@ fn errors_are_claimed_only_where_noise_is_stated() {
     assert!(exact.values[3..6].iter().all(|e| *e == 0.0), "{exact:?}");
 }
 
-/// LOPEX93 and ANGERS at 450, 550 and 650 nm with three parameters a leaf. PROSPECT-D with three parameters: .0132.
+/// LOPEX93 and ANGERS at 450, 550 and 650 nm, with three fitted parameters a leaf. PROSPECT-D with three parameters
+/// leaves an error of .0132.
 #[test]
 fn real_leaves_are_fitted_as_closely_as_by_prospect() {
     let Some(data) = std::env::var_os("MESOPHYLL_DATA").map(PathBuf::from) else {

@@ -20,7 +20,7 @@ pub struct Geometry {
     pub tube_radius_mm: f64,
     /// View direction (sin, 0, cos).
     pub camera_deg: f64,
-    /// First and last frame, endpoints included …
+    /// Position u of the tube in the first frame. First and last frame are both included.
     #[serde(default)]
     pub u_start: Option<f64>,
     /// Position of the tube in the last frame.
@@ -29,10 +29,11 @@ pub struct Geometry {
     /// How many frames there are, evenly from `u_start` to `u_end`.
     #[serde(default)]
     pub frames: Option<usize>,
-    /// … or every frame.
+    /// Instead of `u_start`, `u_end` and `frames`: the position u of every frame.
     #[serde(default)]
     pub u: Option<Vec<f64>>,
-    /// Standard deviation √((noise_relative·value)² + noise_floor²).
+    /// The part of the noise that grows with the value: the standard deviation is √((noise_relative·value)² +
+    /// noise_floor²).
     pub noise_relative: f64,
     /// The part of the noise that does not grow with the value.
     pub noise_floor: f64,
@@ -136,10 +137,10 @@ impl Geometry {
     }
 }
 
-/// Trace columns `r0 … r{n−1}`, or `r…, g…, b…`, in channel order; one list a channel.
+/// The columns of a trace: `r0 … r{n−1}`, or `r…, g…, b…`, in the order of channels; one list for each channel.
 ///
 /// # Errors
-/// [`Error::Input`] where a channel has not one column a frame.
+/// [`Error::Input`] where a channel does not have exactly one column a frame.
 pub fn trace_columns(table: &Table, frames: usize) -> Result<Vec<Vec<String>>> {
     let count = |channel: char| {
         let numbered = |h: &String| {

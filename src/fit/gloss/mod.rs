@@ -1,9 +1,10 @@
-//! Gloss of one texel from its linear-light-source traces: ρd and ρs a channel (linear, eliminated by variable
-//! projection), slope m and normal shared by the channels (W §3 "Fitting BRDF and BTDF"; G3).
+//! Gloss of one texel from its traces under a linear light source (W §3 "Fitting BRDF and BTDF"; G3). Each channel has
+//! a diffuse reflectance ρd and a gloss reflectance ρs. Both enter linearly and are eliminated by variable projection.
+//! The channels share the slope m of the gloss and the normal.
 //!
-//! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise:
-//! standard deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights
-//! do not bias.
+//! A single pass of the tube shows only the tilt in its plane of travel; a second pass makes the full normal known. The
+//! noise has the standard deviation √((relative·value)² + floor²). It is evaluated at the model's value, not at the
+//! noisy sample, so that the weights cause no bias.
 
 pub mod geometry;
 mod outliers;
@@ -47,7 +48,7 @@ impl Device {
         Tube { height_mm: self.height_mm, length_mm: self.length_mm, radius_mm: self.radius_mm }
     }
 
-    /// The noise of readings that were divided by no white sheet and had no dark frame taken off.
+    /// The noise of readings that were neither divided by a white sheet nor had a dark frame subtracted.
     pub fn noise(&self) -> ReadingNoise {
         ReadingNoise {
             relative: self.noise_relative,
@@ -59,22 +60,24 @@ impl Device {
 }
 
 /// Noise of one texel's calibrated readings. A reading of value v in channel c has the standard deviation
-/// √((relative·(v + dark_c))² + floor_c²). All readings of a channel share one unknown error of the dark level besides.
+/// √((relative·(v + dark_c))² + floor_c²). In addition, all readings of a channel share one unknown error of the dark
+/// level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadingNoise {
     /// The part of the noise that grows with the signal, as a share of it.
     pub relative: f64,
-    /// The part that every reading of a channel has.
+    /// The part of the noise that does not depend on the signal, a channel each.
     pub floor: [f64; 3],
-    /// The dark level that was taken off the readings: its light-independent part of the signal has noise, too.
+    /// The dark level that was subtracted from the readings. This part of the signal does not depend on light, but it
+    /// has noise.
     pub dark: [f64; 3],
     /// Standard deviation of that dark level as measured. It is not fitted; it widens the errors.
     pub dark_error: [f64; 3],
 }
 
 impl ReadingNoise {
-    /// What evaluates the variance of channel `c`: relative, dark, floor. A floor of zero would give an exact zero
-    /// infinite weight.
+    /// The three numbers from which the variance in channel `c` is computed: relative, dark, floor. The floor is kept
+    /// above zero, because a zero floor would give a reading of exactly zero an infinite weight.
     pub fn terms(&self, c: usize) -> [f64; 3] {
         [self.relative, self.dark[c], self.floor[c].max(1e-6)]
     }
@@ -99,7 +102,7 @@ pub enum Robust {
     On,
 }
 
-/// A set of parameters that the data do not determine within 10 % (tilts: 2°).
+/// A set of parameters that the data do not determine within 10 % (tilts: within 2°).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Undetermined(pub u16);
 
@@ -112,7 +115,7 @@ impl Undetermined {
     pub const M: Undetermined = Undetermined(64);
     /// Tilt in the plane x–z.
     pub const TILT: Undetermined = Undetermined(128);
-    /// Tilt out of that plane; only in the set where a second pass was there to see it.
+    /// Tilt out of that plane; it can be in the set only where there was a second pass.
     pub const TILT_Y: Undetermined = Undetermined(256);
 
     /// Whether all of `other` is in the set.
@@ -161,8 +164,8 @@ pub struct TexelFit {
     pub tilt: [f64; 2],
     /// Standard error of ρd, a channel each.
     pub rho_d_err: [f64; 3],
-    /// The part of `rho_d_err` that an error of the channel's own dark level makes, with its sign: ρd changes by this
-    /// where every reading of the channel is one standard deviation of the dark level too high.
+    /// The part of `rho_d_err` that comes from an error of the channel's own dark level, with its sign. It is the
+    /// change of ρd when every reading of the channel is one standard deviation of the dark level too high.
     pub rho_d_by_dark: [f64; 3],
     /// Standard error of ρs, a channel each.
     pub rho_s_err: [f64; 3],
@@ -170,7 +173,7 @@ pub struct TexelFit {
     pub m_err: f64,
     /// Standard errors of the normal's components.
     pub normal_err: [f64; 3],
-    /// Standard errors of the two tilts (rad); infinite for one that no pass sees.
+    /// Standard errors of the two tilts (rad); infinite for a tilt that no pass shows.
     pub tilt_err: [f64; 2],
     /// Correlation of ρd and ρs, worst channel.
     pub correlation: f64,
@@ -182,9 +185,9 @@ pub struct TexelFit {
     pub parameters: usize,
     /// Samples that robust weighting took for outliers.
     pub outliers: usize,
-    /// Condition number of the scaled normal matrix of m and the tilts.
+    /// Condition number of the scaled normal matrix of ln m and the tilts.
     pub condition: f64,
-    /// Steps of the descents, all together.
+    /// Steps of all descents together.
     pub iterations: usize,
     /// How often the model was evaluated.
     pub evaluations: usize,
@@ -241,19 +244,19 @@ impl TexelFit {
         }
     }
 
-    /// The verdict as batches print it, of `channels` (1 or 3) channels: `ok` is a promise.
+    /// The verdict as batches print it, for `channels` (1 or 3) channels. `ok` promises that every value is determined.
     pub fn status(&self, channels: usize) -> Status {
         if self.termination == Termination::Refused {
             return Status::Refused(self.defect.unwrap_or("no fit").into());
         }
         let mut names = self.undetermined;
         for c in (0..channels.min(3)).filter(|&c| self.rho_d[c].is_nan()) {
-            // A channel without a reading.
+            // The channel has no reading.
             names.insert(Undetermined::RHO_D[c]);
             names.insert(Undetermined::RHO_S[c]);
         }
         if matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED | AMBIGUOUS)) {
-            // Whatever is wrong, no number of this texel can be promised.
+            // Something is wrong with the texel, so none of its numbers is promised.
             names = Undetermined::all(channels);
         }
         let what = names.names(channels).join(" ");

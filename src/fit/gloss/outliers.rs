@@ -1,18 +1,19 @@
-//! Outliers of a texel: Huber steps, then hard rejection and a plain fit of the rest, so that clean data keep full
-//! efficiency.
+//! Outliers among a texel's readings. Huber's weights find them, then they are rejected, and a plain fit of the rest
+//! keeps full efficiency on clean data.
 
 use super::Robust;
 use super::texel::{CONVERGED, Job, State};
 use mesophyll_solve::Termination;
 
-/// A residual beyond this many standard deviations is an outlier (in 300 samples noise does so once in 500 texels).
+/// A residual of more than this many standard deviations is an outlier. With 300 samples, noise alone reaches it in one
+/// of 500 texels.
 const OUTLIER: f64 = 4.5;
-/// Huber's constant: 95 % efficient for Gaussian noise.
+/// Huber's constant: it keeps 95 % of the efficiency for Gaussian noise.
 const HUBER: f64 = 1.345;
 
 impl Job<'_> {
-    /// `worst`: the largest squared standardised residual of `state`. Returns the fit without outliers and their
-    /// number.
+    /// `worst` is the largest squared standardised residual of `state`. Returns the fit without outliers, how it ended,
+    /// and the number of outliers.
     pub(super) fn reject(&mut self, state: State, termination: Termination, worst: f64) -> (State, Termination, usize) {
         if worst <= OUTLIER * OUTLIER && self.fitter.robust == Robust::Auto {
             return (state, termination, 0);
@@ -43,7 +44,8 @@ impl Job<'_> {
             let changed = readings.iter().zip(&gone).any(|(&(c, k), &g)| (self.ws.used[c][k] == 0.0) != g);
             outliers = gone.iter().filter(|g| **g).count();
             if outliers * 4 > readings.len() {
-                // A quarter of the samples off is no accident: the model does not fit, and the plain fit says so in χ².
+                // More than a quarter of the samples being off is no accident: the model does not fit. The plain fit
+                // then shows it in χ².
                 for &(c, k) in &readings {
                     self.ws.used[c][k] = 1.0;
                 }
@@ -66,7 +68,7 @@ impl Job<'_> {
         (state, termination, outliers)
     }
 
-    /// Standardised residual of sample `k` in channel `c` at the columns of the last evaluation.
+    /// Standardised residual of sample `k` in channel `c`, with the columns of the last evaluation.
     fn residual(&self, state: &State, c: usize, k: usize) -> f64 {
         let value = state.channels[c].rho_d * self.ws.columns[0][k] + state.channels[c].rho_s * self.ws.columns[1][k];
         (self.ws.y[c][k] - value) / self.noise.variance(c, value).sqrt()

@@ -1,10 +1,11 @@
-//! Variable projection on inner products (Golub & Pereyra 1973, in Kaufman's approximation): per channel ρd, ρs ≥ 0 are
-//! solved for exactly, and m and the tilts see residuals from which every change that ρd and ρs could make is projected
-//! out.
+//! Variable projection on inner products (Golub & Pereyra 1973, in Kaufman's approximation). In each channel ρd ≥ 0 and
+//! ρs ≥ 0 are solved for exactly. The residuals that m and the tilts are fitted to are projected, so that they hold no
+//! change that ρd and ρs could make.
 //!
-//! Loops by index and without closures: `#[inline(always)]` alone carries the vector intrinsics into their caller.
+//! The loops run by index and use no closures, because only `#[inline(always)]` functions carry the vector intrinsics
+//! into their caller.
 //!
-//! A trial point costs six weighted sums a channel; an accepted one nine to fifteen more. No Jacobian is stored.
+//! A trial point costs six weighted sums a channel, an accepted point nine to fifteen more. No Jacobian is stored.
 
 #![allow(clippy::needless_range_loop)]
 
@@ -12,14 +13,14 @@ use mesophyll_optics::dispatch_lanes;
 use mesophyll_optics::tube::fast::COLUMNS;
 use mesophyll_optics::tube::lanes::{Lanes, Level};
 
-/// Columns of a pass, as [`mesophyll_optics::tube::fast`] fills them.
+/// Columns of a pass, as [`mesophyll_optics::tube::fast`] fills them: D for diffuse light, S for gloss, S_M = ∂S/∂m.
 pub const D: usize = 0;
 pub const S: usize = 1;
 pub const S_M: usize = 2;
 /// Most nonlinear parameters: ln m, tilt, tilt_y.
 pub const NONLINEAR: usize = 3;
 
-/// One channel's inner products and linear solve. Weights are 1/sd².
+/// Inner products and linear solution of one channel. Weights are 1/sd².
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Channel {
     pub dd: f64,
@@ -34,14 +35,15 @@ pub struct Channel {
     pub inverse: [[f64; 2]; 2],
     /// Σ w r² at the solution.
     pub chi2: f64,
-    /// ⟨z_k, z_l⟩, ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩; z_k is the change of the model by nonlinear parameter k at fixed ρ.
+    /// ⟨z_k, z_l⟩, ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩. Here z_k is the change of the model by nonlinear parameter k at fixed
+    /// ρd and ρs.
     pub zz: [[f64; NONLINEAR]; NONLINEAR],
     pub zphi: [[f64; 2]; NONLINEAR],
     pub zy: [f64; NONLINEAR],
 }
 
 impl Channel {
-    /// Inner products of D, S and the samples, then non-negative least squares; `matte` holds ρs at zero.
+    /// Inner products of D, S and the samples, followed by non-negative least squares. `matte` holds ρs at zero.
     pub fn solve(level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], matte: bool) -> Channel {
         let (d, s) = (&columns[D][..], &columns[S][..]);
         let sums = dispatch_lanes!(level, linear_sums(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]);
@@ -61,7 +63,7 @@ impl Channel {
             c.inverse = [[c.ss / det, -c.ds / det], [-c.ds / det, c.dd / det]];
         }
         if !both || c.rho_d < 0.0 || c.rho_s < 0.0 {
-            // One bound is active: the better of the two single columns.
+            // One bound is active: the better of the two fits with a single column is taken.
             let only = |gg: f64, gy: f64| if gg > 0.0 { (gy / gg).max(0.0) } else { 0.0 };
             let (rd, rs) = (only(c.dd, c.dy), if matte { 0.0 } else { only(c.ss, c.sy) });
             if rd * c.dy >= rs * c.sy {
@@ -76,7 +78,7 @@ impl Channel {
         c
     }
 
-    /// Inner products of the changes by ln m and `tilts` tilts.
+    /// Inner products of the model's changes by ln m and by `tilts` tilts.
     pub fn slopes(&mut self, level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], m: f64, tilts: usize) {
         let factors = [self.rho_s * m, self.rho_d, self.rho_s];
         let sums = dispatch_lanes!(
@@ -93,7 +95,7 @@ impl Channel {
         }
     }
 
-    /// Adds this channel to the projected normal matrix and gradient; `inverse` as in [`Channel::inverse`].
+    /// Adds this channel to the projected normal matrix and gradient. `inverse` is a matrix like [`Channel::inverse`].
     pub fn accumulate(
         &self,
         inverse: &[[f64; 2]; 2],
@@ -168,7 +170,8 @@ fn slope_sums<L: Lanes>(
     out
 }
 
-/// Weights 1/sd² from the model ρd D + ρs S, sd² = (relative·model)² + floor²; returns the largest squared residual/sd.
+/// Sets the weights to 1/sd², where sd² = (relative·model)² + floor² and the model is ρd D + ρs S. Returns the largest
+/// squared standardised residual.
 #[allow(clippy::too_many_arguments)]
 pub fn weigh(
     level: Level,
@@ -209,8 +212,8 @@ fn weigh_lanes<L: Lanes>(
     worst.into_iter().fold(0.0, f64::max)
 }
 
-/// Weights from the samples themselves, `noise` a channel as [`super::ReadingNoise::terms`] gives it; sum of the
-/// channels and its variance (infinite where a channel's reading is missing).
+/// Sets the weights from the samples themselves; `noise` is what [`super::ReadingNoise::terms`] gives for each channel.
+/// Also writes the sum of the channels and its variance (infinite where a channel has no reading).
 pub fn weigh_by_samples(
     level: Level,
     noise: [[f64; 3]; 3],
@@ -249,7 +252,8 @@ fn sample_lanes<L: Lanes>(
             u.div(sd2).store(&mut w[c][k..]);
             total = total.add(v);
             variance = variance.add(sd2);
-            // A frame counts only with all its colours: else the sum would mix them anew.
+            // A frame counts only where all its colours were read: otherwise the sum would mix the colours differently
+            // from frame to frame.
             whole = whole.mul(u);
         }
         total.store(&mut sum[0][k..]);

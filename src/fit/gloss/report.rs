@@ -1,4 +1,5 @@
-//! Errors of a fitted texel from the full normal matrix, and the verdict: what is not determined, and what is wrong.
+//! Standard errors of a fitted texel from the full normal matrix, and the verdict: which parameters are not determined,
+//! and what is wrong.
 
 use super::project::{Channel, NONLINEAR, S};
 use super::texel::{Job, State, bounded};
@@ -10,12 +11,12 @@ use mesophyll_solve::Termination;
 
 type Matrix = [[f64; NONLINEAR]; NONLINEAR];
 
-/// Minima closer than this in χ² cannot be told apart (three standard deviations).
+/// Minima whose χ² differ by less than this (three standard deviations) cannot be told apart.
 const RIVAL: f64 = 9.0;
 
 impl Job<'_> {
-    /// A texel without gloss: ρd and the tilts (which the diffuse light shows) from the fit without it. What faint
-    /// gloss could have done to them, the difference to the fit with it, widens their errors.
+    /// Reports a texel without gloss: ρd and the tilts come from the fit without gloss (diffuse light shows tilts,
+    /// too). Faint gloss may be present all the same; the difference to the fit with gloss widens the errors.
     pub(super) fn report_matte(
         &mut self,
         full: State,
@@ -31,7 +32,7 @@ impl Job<'_> {
         for k in 0..self.tilts {
             fit.tilt_err[k] = fit.tilt_err[k].hypot(bare.p[1 + k] - full.p[1 + k]);
         }
-        // A tilt that no pass sees darkens a matte texel by cos t.
+        // A tilt t that no pass shows darkens a matte texel by cos t.
         let unseen = if self.tilts == 1 { self.fitter.unseen } else { 0.0 };
         for c in (0..3).filter(|&c| counts[c] > 0) {
             fit.rho_d_err[c] = fit.rho_d_err[c].hypot(fit.rho_d[c] * unseen * unseen);
@@ -41,8 +42,9 @@ impl Job<'_> {
         fit
     }
 
-    /// Widens every error by what a tilt out of the plane of travel would do to it. The effect grows with the tilt's
-    /// square: twice that of one standard deviation makes an interval of two hold 95 % of them.
+    /// Widens every error by the effect that a tilt out of the plane of travel may have on it. The effect grows with
+    /// the square of the tilt. Twice the effect of one standard deviation is added, so that an interval of two standard
+    /// errors holds 95 % of such texels.
     pub(super) fn unseen(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
         let tilt = self.fitter.unseen;
         if self.tilts != 1 || tilt <= 0.0 {
@@ -77,7 +79,7 @@ impl Job<'_> {
         fit.defect = defect;
     }
 
-    /// Says so where another minimum is as good and elsewhere.
+    /// Marks the texel as ambiguous where another minimum fits as well at other parameters.
     pub(super) fn compare(&self, fit: &mut TexelFit, best: &State, rivals: &[State]) {
         let apart = |r: &State| {
             let tilt = (0..self.tilts).any(|k| (r.p[1 + k] - best.p[1 + k]).abs() > 2.5 * fit.tilt_err[k]);
@@ -88,7 +90,7 @@ impl Job<'_> {
         }
     }
 
-    /// `counts`: readings a channel before rejection; a channel without any is left NaN.
+    /// `counts`: how many readings each channel had before rejection. A channel without readings stays NaN.
     pub(super) fn report(
         &mut self,
         mut state: State,
@@ -100,7 +102,7 @@ impl Job<'_> {
     ) -> TexelFit {
         let count = 1 + self.tilts;
         if matte {
-            // ρs's error is quoted at a leaf's usual slope; the fitted one means nothing.
+            // The error of ρs is computed at a slope that leaves usually have; the fitted slope means nothing here.
             let fitted = state;
             state = self.evaluate([0.3f64.ln(), state.p[1], state.p[2]]);
             for (c, old) in state.channels.iter_mut().zip(&fitted.channels) {
@@ -109,7 +111,8 @@ impl Job<'_> {
             self.slopes(&mut state);
             state.chi2 = fitted.chi2;
         } else {
-            // The last step was taken linearly: the sums are those of the point before it, a fraction of an error away.
+            // The last step was taken linearly, so the sums still belong to the point before it, which is a fraction of
+            // a standard error away.
             let (p, chi2, rho) = (state.p, state.chi2, state.channels.map(|c| [c.rho_d, c.rho_s]));
             self.slopes(&mut state);
             (state.p, state.chi2) = (p, chi2);
@@ -121,7 +124,7 @@ impl Job<'_> {
         let mut inverses = [[[0.0; 2]; 2]; 3];
         let (mut normal, mut gradient) = (Matrix::default(), [0.0; NONLINEAR]);
         for (c, inverse) in state.channels.iter().zip(&mut inverses) {
-            // Errors are those of the unconstrained problem: a ρ at its bound still has one.
+            // These are the errors of the problem without bounds: a ρ that lies at its bound has an error, too.
             let det = c.dd * c.ss - c.ds * c.ds;
             *inverse = if det > 1e-12 * c.dd * c.ss {
                 [[c.ss / det, -c.ds / det], [-c.ds / det, c.dd / det]]
@@ -150,7 +153,8 @@ impl Job<'_> {
         };
         let levels = self.levels();
         fit.chi2 -= levels.as_ref().map_or(0.0, |levels| self.explained_by_dark(&state, levels));
-        // Residuals that the stated noise cannot explain (5 σ of χ²) widen every error.
+        // Residuals that the stated noise cannot explain (χ² more than 5 of its standard deviations too large) widen
+        // every error.
         let freedom = samples.saturating_sub(parameters).max(1) as f64;
         let inflate = if fit.chi2 > freedom + 5.0 * (2.0 * freedom).sqrt() { (fit.chi2 / freedom).sqrt() } else { 1.0 };
         let sd = |v: f64| if v.is_finite() { v.max(0.0).sqrt() * inflate } else { f64::INFINITY };
@@ -159,7 +163,7 @@ impl Job<'_> {
         for c in (0..3).filter(|&c| counts[c] > 0) {
             let (channel, inverse) = (&state.channels[c], &inverses[c]);
             (fit.rho_d[c], fit.rho_s[c]) = (channel.rho_d, channel.rho_s);
-            // cov ρ = G⁻¹ + (G⁻¹ Φᵀz) cov(p) (G⁻¹ Φᵀz)ᵀ
+            // cov ρ = G⁻¹ + (G⁻¹ Φᵀz) cov(p) (G⁻¹ Φᵀz)ᵀ, where G is the normal matrix of the columns Φ = (D, S).
             let pull: [[f64; 2]; NONLINEAR] = channel.zphi.map(|[zd, zs]| inverse.map(|row| row[0] * zd + row[1] * zs));
             let mut own = *inverse;
             for k in 0..count {
@@ -192,7 +196,7 @@ impl Job<'_> {
         fit
     }
 
-    /// Each channel's linear sums and solve for samples that are all one, where the dark level has an error.
+    /// Linear sums and solution of each channel for samples that are all one; `None` where the dark level has no error.
     fn levels(&self) -> Option<[Channel; 3]> {
         let ws = &*self.ws;
         let ones = vec![1.0; ws.y[0].len()];
@@ -201,9 +205,9 @@ impl Job<'_> {
             .then(|| std::array::from_fn(|c| Channel::solve(self.fitter.level, &ws.columns, &ones, &ws.w[c], false)))
     }
 
-    /// What of χ² an error of each channel's dark level explains, that error being no larger than it is known to be:
-    /// the largest decrease of χ² + (level/σ)² over the level. Without it every texel's χ² would hold the noise of its
-    /// own dark frame.
+    /// How much of χ² an error of each channel's dark level explains: the largest decrease of χ² + (level/σ)² over all
+    /// levels, σ being the standard error of the dark level. Without this every texel's χ² would contain the noise of
+    /// its own dark frame.
     fn explained_by_dark(&self, state: &State, levels: &[Channel; 3]) -> f64 {
         let ws = &*self.ws;
         let of_channel = |c: usize| {
@@ -215,8 +219,8 @@ impl Job<'_> {
         (0..3).map(of_channel).sum()
     }
 
-    /// Adds what an error of each channel's dark level does to every parameter: the fit's response to adding one to all
-    /// samples.
+    /// Adds to every error the effect of an error of each channel's dark level: the response of the fit when one is
+    /// added to all samples.
     fn add_dark_error(
         &self,
         fit: &mut TexelFit,
@@ -269,8 +273,9 @@ impl Job<'_> {
         }
     }
 
-    /// In a valley the curvature at its floor flatters: the tilt is moved away, the rest follows, and where χ² rises
-    /// less than a parabola would, every error grows by that much.
+    /// In a curved valley of χ², the curvature at the minimum makes errors look too small. So the tilt is moved away
+    /// from the minimum while the other parameters follow. Where χ² rises less than a parabola would, every error grows
+    /// by that factor.
     pub(super) fn profile(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
         let err = fit.tilt_err[0];
         if !(err > 0.0 && err < 0.5) {
@@ -287,7 +292,7 @@ impl Job<'_> {
             let (away, _) = self.descend(away, 0.1, false);
             self.held = false;
             let rise = (away.chi2 - base).max(0.25);
-            // Beyond five standard deviations nothing is left to stretch.
+            // Beyond five standard deviations the errors need no widening.
             if rise < 25.0 {
                 stretch = stretch.max(by.abs() / (err * rise.sqrt()));
             }
@@ -306,7 +311,7 @@ impl Job<'_> {
         }
     }
 
-    /// Names what is not determined, and what is wrong.
+    /// Names the parameters that are not determined, and the defect if there is one.
     fn judge(&self, fit: &mut TexelFit, counts: [usize; 3], matte: bool) {
         let mut names = Undetermined::default();
         let parallel = fit.correlation < -0.99;
@@ -330,7 +335,7 @@ impl Job<'_> {
             }
         }
         if matte {
-            // Never a guess: there is no lobe to have a slope.
+            // There is no lobe, so no slope is reported.
             (fit.m, fit.m_err) = (f64::NAN, f64::INFINITY);
         }
         fit.undetermined = names;
@@ -346,7 +351,7 @@ impl Job<'_> {
         };
     }
 
-    /// Most readings within the lobe's half maximum in any pass.
+    /// The largest number of readings in one pass that lie within the lobe's half maximum.
     fn lobe_frames(&self) -> usize {
         let count = |range: std::ops::Range<usize>| {
             let s = &self.ws.columns[S][range.clone()];
@@ -366,7 +371,7 @@ fn unsure(err: f64, value: f64) -> bool {
 fn covariance(normal: &Matrix, count: usize, matte: bool) -> (Matrix, f64) {
     let live: [bool; NONLINEAR] = std::array::from_fn(|k| k < count && normal[k][k] > 0.0 && !(matte && k == 0));
     let scale: [f64; NONLINEAR] = std::array::from_fn(|k| if live[k] { 1.0 / normal[k][k].sqrt() } else { 0.0 });
-    // Parameters that are not live stand as unit rows, which leave the others alone.
+    // Parameters that are not live get unit rows, which do not affect the others.
     let scaled = nalgebra::Matrix3::from_fn(|i, j| {
         if live[i] && live[j] { normal[i][j] * scale[i] * scale[j] } else { f64::from(u8::from(i == j)) }
     });
@@ -385,13 +390,13 @@ fn covariance(normal: &Matrix, count: usize, matte: bool) -> (Matrix, f64) {
     (cov, if least > 0.0 { most / least } else { f64::INFINITY })
 }
 
-/// Least and greatest eigenvalue of the live part of a scaled 3 × 3 matrix, in closed form (roots of its cubic).
+/// Smallest and largest eigenvalue of the live part of a scaled 3 × 3 matrix, in closed form (the roots of its cubic).
 fn extremes(a: &nalgebra::Matrix3<f64>, live: &[bool; NONLINEAR]) -> (f64, f64) {
     let off = a[(0, 1)].powi(2) + a[(0, 2)].powi(2) + a[(1, 2)].powi(2);
     if off < 1e-30 || !off.is_finite() {
         return (1.0, 1.0);
     }
-    // The diagonal is 1: eigenvalues are 1 + 2 p cos(…) with p² = off/3.
+    // The diagonal is 1, so the eigenvalues are 1 + 2 p cos(…) with p² = off/3.
     let p = (off / 3.0).sqrt();
     let half = a[(0, 1)] * a[(0, 2)] * a[(1, 2)] / (p * p * p);
     let angle = half.clamp(-1.0, 1.0).acos() / 3.0;

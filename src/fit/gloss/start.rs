@@ -1,8 +1,8 @@
-//! Starting points: a bank of templates (D, S) over (m, tilt), matched to the sum of the channels by two-column least
-//! squares.
+//! Starting points: a bank of templates (columns D and S) over (m, tilt). Each template is fitted to the sum of the
+//! channels by two-column least squares.
 //!
-//! Templates depend on where the texel lies along the travel, so there is a bank for every few millimetres, built when
-//! first used.
+//! Templates depend on where the texel lies along the travel. So there is a bank for every few millimetres, built when
+//! it is first used.
 
 use crate::gloss::{Device, normal_of};
 use mesophyll_optics::dispatch_lanes;
@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 /// m of the templates, finest first.
 const SLOPES: [f64; 9] = [0.03, 0.06, 0.12, 0.22, 0.35, 0.5, 0.65, 0.8, 1.0];
-/// Frames are summed in neighbouring groups, to about so many.
+/// Neighbouring frames are summed into about this many groups.
 const GROUPS: usize = 33;
 /// Banks on either side of the blade's middle.
 const SIDE: usize = 40;
@@ -54,10 +54,10 @@ pub struct Bank {
 }
 
 impl Bank {
-    /// `range`: tilts in the plane of travel that templates cover (rad). `fineness`: templates along either parameter
-    /// over the usual number, which 1 gives.
+    /// `range`: tilts in the plane of travel that the templates cover (rad). `fineness`: how many times the usual
+    /// number of templates there are along either parameter.
     pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2], fineness: f64) -> Bank {
-        // A thin tube will do to start from.
+        // A thin tube is accurate enough for starting points.
         let tube = mesophyll_optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
         Bank {
             model: Model::new(tube, device.camera, device.lobe, &Precision { along: 6, across: 1 }),
@@ -114,8 +114,8 @@ impl Bank {
         out
     }
 
-    /// The best templates, best first, at most `most`, no two of them neighbours. `variances` of the samples; infinite
-    /// leaves one out, and its neighbours in the group.
+    /// The best templates, best first, at most `most`; no two of them are neighbours. `variances` are those of the
+    /// samples; an infinite one leaves out the sample and all others of its group.
     pub fn best(
         &self,
         texel: [f64; 2],
@@ -153,7 +153,7 @@ impl Bank {
     }
 }
 
-/// `SLOPES`, or as many times their number as `fineness` says, spread like them.
+/// `SLOPES`, or `fineness` times as many values with the same spread.
 fn slopes(fineness: f64) -> Vec<f64> {
     if fineness == 1.0 {
         return SLOPES.to_vec();
@@ -167,7 +167,7 @@ fn slopes(fineness: f64) -> Vec<f64> {
     (0..count).map(at).collect()
 }
 
-/// How much of Σ w y² each template explains, ρd and ρs ≥ 0.
+/// How much of Σ w y² each template explains with ρd ≥ 0 and ρs ≥ 0.
 #[inline(always)]
 fn match_all<L: Lanes>(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]) {
     for (t, gain) in templates.iter().zip(gains) {
@@ -194,7 +194,7 @@ fn match_all<L: Lanes>(templates: &[Template], samples: &[f64], weights: &[f64],
     }
 }
 
-/// Keeps the list sorted by cost and free of neighbours of a better start.
+/// Inserts a start into the list, which stays sorted by cost. Neighbours of a better start are left out.
 fn insert(found: &mut Vec<Start>, new: Start, most: usize) {
     let near = |a: &Start, b: &Start| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
     if found.iter().any(|f| near(f, &new) && f.cost <= new.cost) {

@@ -1,5 +1,5 @@
-//! Traces of known texels with seeded noise, for stress cases, benchmarks and tests: made by the plain model with many
-//! nodes, not by the fit's own fast one.
+//! Traces of known texels with seeded noise, for stress cases, benchmarks and tests. They are made by the plain model
+//! with many nodes, not by the fast model of the fit.
 
 use super::{Device, normal_of};
 use mesophyll_optics::gloss::Lobe;
@@ -62,7 +62,7 @@ impl Noise {
     }
 }
 
-/// What the device shows of `truth`; with noise if given.
+/// The trace that the device records of a texel `truth`, with noise if it is given.
 pub fn trace(
     device: &Device,
     travel: Travel,

@@ -1,18 +1,18 @@
-//! The slab's ρd and ρt against thickness for given σa, σs: solved on a grid of ln t, interpolated by cubic Hermite
-//! polynomials.
+//! The slab's reflectance ρd and transmittance ρt against thickness t, for given absorption σa and scattering σs. They
+//! are solved on a grid of ln t and interpolated by cubic Hermite polynomials.
 //!
-//! A leaf-wide fit asks for the response of the same material at 10⁵ thicknesses; 200 slab solves answer them all.
-//! Everything is kept in logarithms, so a transmittance of 1e-20 has as many digits as one of 0.1. Interpolation error
-//! is below 1e-7 relative for Δ ≤ 40 over the default range (tested).
+//! A leaf-wide fit asks for the response of the same material at 10⁵ thicknesses; 200 slab solves answer all of them.
+//! Everything is kept in logarithms, so a transmittance of 1e-20 has as many digits as one of 0.1. The interpolation
+//! error is below 1e-7 relative for optical thicknesses Δ ≤ 40 over the default range (tested).
 
 use mesophyll_optics::slab;
 
 /// Points of the grid in ln t.
 const POINTS: usize = 256;
-/// The grid reaches from h/RANGE to RANGE·h.
+/// The grid reaches from h/RANGE to RANGE·h, h being the leaf's mean thickness.
 pub const RANGE: f64 = 12.0;
 
-/// Incidence of the light that ρt was measured with: cosine μ₀ (1 = along the normal).
+/// Direction of the light for which ρt was measured, as the cosine μ₀ of its angle (1 is along the normal).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Incidence(pub f64);
 
@@ -97,7 +97,8 @@ fn solve(sigma_a: f64, sigma_s: f64, t: f64, incidence: Incidence) -> Point {
         (pa, ps) = (p.sigma_a.rho_d * sigma_a, p.sigma_s.rho_d * sigma_s);
         (ta, ts) = (p.sigma_a.rho_t * sigma_a, p.sigma_s.rho_t * sigma_s);
     } else {
-        // ρd comes from the tube scan, whose diffuse part is the normal-incidence one; only ρt sees the oblique camera.
+        // ρd comes from the tube scan, whose diffuse part is that of normal incidence. Only ρt was seen by an oblique
+        // camera.
         let (r, p) = slab::response_with_partials(sigma_a, sigma_s, t);
         rho_d = r.rho_d;
         (pa, ps) = (p.sigma_a.rho_d * sigma_a, p.sigma_s.rho_d * sigma_s);
@@ -112,7 +113,7 @@ fn solve(sigma_a: f64, sigma_s: f64, t: f64, incidence: Incidence) -> Point {
     Point {
         ln_rho_d: d.ln(),
         ln_rho_t: t.ln(),
-        // ρ depends on σ·t only: scaling the thickness is scaling both coefficients.
+        // ρ depends only on the product σ·t: scaling the thickness has the same effect as scaling both coefficients.
         d_rho_d: p_rho_d[0] + p_rho_d[1],
         d_rho_t: p_rho_t[0] + p_rho_t[1],
         dd_rho_t: 0.0,

@@ -1,9 +1,9 @@
-//! What can be wrong with a texel, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and these codes
-//! otherwise.
+//! The defects that a texel can have, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and the code of
+//! the defect otherwise.
 
 use crate::gloss::{NO_LIGHT, TexelFit};
 
-/// A standard error of ρd from which on the traces say nothing of it: half of all the light.
+/// Where the standard error of ρd is larger than this, half of all the light, the traces say nothing about the texel.
 const UNKNOWN: f64 = 0.5;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -12,23 +12,26 @@ pub enum Defect {
     NoReading,
     /// The gloss fit did not converge.
     NotConverged,
-    /// γρd + ρt above 1 by more than the noise: more light leaves than arrives.
+    /// γρd + ρt is above 1 by more than the noise: more light leaves than arrives.
     Energy,
-    /// The light box gives no transmittance between 0 and 1, or three that no thickness of this leaf has.
+    /// The light box gives a transmittance outside 0 to 1, or three transmittances that belong to no thickness of this
+    /// leaf.
     Transmission,
-    /// Too dark in every channel to say how thick it is.
+    /// The texel is too dark in every channel to say how thick it is.
     ThicknessUndetermined,
     /// No thickness within a factor of twelve of h gives this transmittance.
     ThicknessRange,
     /// The traces do not tell ρd from gloss: a texel that faces away from the camera or the tube, or one that two lobes
     /// fit equally well.
     Ambiguous,
-    /// Dark within the noise in every channel and frame: it faces away from the camera, or lies in a shadow.
+    /// Every reading in every channel and frame is dark within the noise: the texel faces away from the camera, or lies
+    /// in a shadow.
     NoLight,
-    /// The traces differ from every texel's by more than noise can (χ²): a hot pixel, dust on the leaf, something in
-    /// the light's way.
+    /// The misfit (χ²) of the traces is larger than that of other texels by more than noise explains: a hot pixel, dust
+    /// on the leaf, or something in the way of the light.
     Unexplained,
-    /// Far brighter or darker than this leaf is anywhere else, in a way that no vein is: something lies on it.
+    /// Far brighter or darker than this leaf is anywhere else, and not in the way of a vein: something lies on the
+    /// leaf.
     Foreign,
 }
 
@@ -76,14 +79,14 @@ impl Defect {
         }
     }
 
-    /// Whether the reading failed and not the leaf: then its neighbours' values are the best guess of what would have
-    /// been read.
+    /// Whether the reading failed rather than the leaf. Then the values of the neighbours are the best guess of what
+    /// would have been read.
     pub fn failed_reading(self) -> bool {
         use Defect::{Energy, Foreign, NoReading, NotConverged, ThicknessRange, Transmission, Unexplained};
         matches!(self, NoReading | NotConverged | Energy | Transmission | ThicknessRange | Unexplained | Foreign)
     }
 
-    /// Whether what comes through was misread, so that it says nothing of the texel.
+    /// Whether the transmittance was misread, so that it says nothing about the texel.
     pub fn of_light_box(self) -> bool {
         matches!(self, Defect::Transmission | Defect::ThicknessRange)
     }

@@ -1,5 +1,6 @@
-//! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what
-//! each leaves unexplained.
+//! From the ρd and ρt of each texel to the leaf's σa and σs and each texel's thickness h + δ and relative reflectance
+//! γ, by the exact or the paper's reduction, with what each leaves unexplained. h is the caliper's reading of the mean
+//! thickness.
 
 use super::texels;
 use crate::Result;
@@ -36,7 +37,7 @@ pub struct Fitted {
     pub texels: Vec<Texel>,
     pub sigma_a: [f64; 3],
     pub sigma_s: [f64; 3],
-    /// Relative standard errors, the gauge h included.
+    /// Relative standard errors; they include that of the caliper's h.
     pub sigma_a_rel: [f64; 3],
     pub sigma_s_rel: [f64; 3],
     pub thickness: Vec<f64>,
@@ -44,20 +45,21 @@ pub struct Fitted {
     pub gamma: Vec<[f64; 3]>,
     pub gamma_err: Vec<[f64; 3]>,
     pub sigma: Vec<[Sigma; 3]>,
-    /// ρt for a beam along the normal over the ρt that was measured, where the light box was not seen along the normal.
+    /// ρt for a beam along the normal divided by the measured ρt, where the light box was not seen along the normal.
     pub to_normal: Option<Vec<[f64; 3]>>,
     pub wide: Wide,
     pub termination: Termination,
     pub figures: BTreeMap<String, f64>,
-    /// Reduced χ² of the median texel where the traces are not what any texel shows.
+    /// Reduced χ² of the median texel, where the traces do not match the model of a texel.
     pub unexplained: Option<f64>,
-    /// What the mean texel says of a channel whose σa or σs is not determined.
+    /// Bounds that the mean texel gives for a channel whose σa or σs is not determined.
     pub bounds: [Option<String>; 3],
 }
 
 impl Fitted {
-    /// ρt and its standard error for a beam along the normal, whole images of one channel. Seen at an angle it is
-    /// converted by the leaf's slab at each texel's thickness, and is NaN off the good texels.
+    /// ρt and its standard error for a beam along the normal: two whole images of one channel. If the leaf was seen at
+    /// an angle, ρt is converted by the leaf's slab at each texel's thickness; it is then NaN where a texel is not
+    /// good.
     pub fn rho_t(&self, c: usize) -> [Vec<f32>; 2] {
         [&self.measured.rho_t, &self.measured.rho_t_err].map(|plane| match &self.to_normal {
             None => plane.iter().map(|t| t[c]).collect(),
@@ -105,8 +107,8 @@ pub fn fit(
         Settings { h, incidence, relative, robust: options.robust, iterations: 80, common }
     };
     let mut wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
-    // What stands out of the fitted leaf is named, and the rest say what the leaf is. Outliers may hide others: three
-    // rounds.
+    // Texels that stand out from the fitted leaf are named as defects, and the leaf is fitted again without them.
+    // Outliers may hide others, so there are three rounds.
     for _ in 0..3 {
         let found = outliers::of_leaf(&good.texels, &wide, h);
         if found.is_empty() {
@@ -165,7 +167,7 @@ pub fn fit(
             } else {
                 Termination::NotFinite
             };
-            // Eq. 5 has no solution on dark veins: thickness stays unknown there (NaN), it is not invented.
+            // Eq. 5 has no solution on dark veins. Their thickness stays unknown (NaN); it is not invented.
             thickness = paper.thickness.clone();
             thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
             gamma = paper.gamma.clone();
@@ -182,8 +184,8 @@ pub fn fit(
         }
     }
     for c in (0..3).filter(|&c| undetermined::opaque(&texels, c, rho_t_err)) {
-        // Nothing comes through that noise could not be: the curvature where the fit stopped says nothing of thicker
-        // slabs.
+        // The transmittance of this channel may be nothing but noise. Then the curvature where the fit stopped says
+        // nothing about thicker slabs.
         (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
     }
     let bounds = [0, 1, 2].map(|c: usize| {
@@ -192,8 +194,8 @@ pub fn fit(
         }
         let mean = undetermined::mean_texel(&texels, c, h, rho_t_err, &common);
         if options.method == Method::Exact {
-            // A direction that the joint problem has lost ends wherever it began: the mean texel's estimate stands
-            // instead.
+            // A direction that the joint problem does not determine ends wherever it started, so the mean texel's
+            // estimate is taken instead.
             for (value, relative, estimate) in
                 [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)]
             {
@@ -239,7 +241,7 @@ pub fn fit(
     })
 }
 
-/// Defects that the texel fit and the light box show together.
+/// Defects that the texel fit and the light box show between them.
 fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
     let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
     let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
@@ -271,7 +273,7 @@ fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
         .collect()
 }
 
-/// The good texels: where they are, what they say, and which of them stand for texels whose reading failed.
+/// The good texels: where they are, their readings, and which of them stand in for texels whose reading failed.
 struct Good {
     at: Vec<u32>,
     texels: Vec<Texel>,
@@ -279,7 +281,7 @@ struct Good {
 }
 
 impl Good {
-    /// `relative`: the noise of ρt, relative to it; what is left of its standard error is the floor.
+    /// `relative`: the noise of ρt relative to ρt. The rest of the standard error is the floor.
     fn gather(measured: &Measured, maps: &Maps, mask: &[i16], relative: f64, width: usize) -> Good {
         let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
         let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
@@ -313,13 +315,13 @@ fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
         if found.sigma_a.is_finite() && found.sigma_s.is_finite() && found.sigma_a > 0.0 && found.sigma_s > 0.0 {
             [found.sigma_a, found.sigma_s]
         } else {
-            // A typical green leaf of optical thickness 4.
+            // No slab was found: start at a typical green leaf of optical thickness 4.
             [1.5 / h, 2.5 / h]
         }
     })
 }
 
-/// How much of the measured transmittance each reduction gives back: over the whole leaf and over its darkest tenth
+/// How much of the measured transmittance each reduction reproduces: over the whole leaf, and over its darkest tenth
 /// (the veins).
 fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<String, f64> {
     let mut order: Vec<usize> = (0..texels.len()).collect();
@@ -329,7 +331,7 @@ fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<Str
         let t = wide.locals[k].thickness.ln();
         [0, 1, 2].map(|c: usize| wide.curves[c].at(t).ln_rho_t.exp())
     };
-    // Where Eq. 5 has no thickness the paper's leaf transmits its floor, B ω/2.
+    // Where Eq. 5 has no thickness, the paper's leaf transmits its smallest possible value, B ω/2.
     let frozen = |k: usize| {
         let t = paper.thickness[k];
         paper::transmittance(paper, if t.is_nan() { f64::INFINITY } else { t })

@@ -1,8 +1,10 @@
-//! The leaf fit: calibrated frames → ρd, ρs, m and normal a texel → transmittance → σa, σs, h + δ, γ → blade and maps
-//! on disk.
+//! The leaf fit. Calibrated frames give ρd, ρs, m and the normal of each texel. With the transmittance ρt they give the
+//! leaf's σa and σs, and each texel's thickness h + δ and relative reflectance γ. Blade and maps are then written to
+//! disk.
 //!
-//! The main path is [`run`]: open, texels (resumable, shardable), then side by side interior, comparison with the truth
-//! where it is known, blade, and the fit folder that `data/README.md` and the crate's README describe.
+//! The main path is [`run`]. It opens the capture and fits texels (resumable, in shards). Then, for each side, it fits
+//! the interior, compares with the truth where that is known, builds the blade, and writes the fit folder that
+//! `data/README.md` and the crate's README describe.
 
 pub mod blade;
 pub mod curve;

@@ -1,4 +1,4 @@
-//! The measurement's noise: as the capture states it, else estimated from how rough the traces are.
+//! The noise of the measurement: as the capture states it, otherwise estimated from the roughness of the traces.
 
 use crate::Result;
 use crate::gloss::ReadingNoise;
@@ -12,18 +12,19 @@ use mesophyll_optics::side::Side;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     pub relative: f64,
-    /// Of calibrated values: the camera's floor over the white sheet's median gain.
+    /// The floor of calibrated values: the camera's floor divided by the white sheet's median gain.
     pub floor: f64,
-    /// That median gain: the camera's value where the calibrated value is 1.
+    /// The white sheet's median gain: the camera's value where the calibrated value is 1.
     pub median_gain: f64,
     /// Noise of a light-box photograph over that of a frame: below 1 where photographs were averaged.
     pub lightbox: f64,
     /// Standard deviation of the dark frame, in camera values: common to everything measured at a texel.
     pub dark: f64,
-    /// Estimated, not stated.
+    /// Whether the noise was estimated rather than stated.
     pub estimated: bool,
-    /// How rough the traces are over how rough the noise would make them, whatever their model: 1 where the noise is as
-    /// stated. `None` where the noise is not stated, or there are too few frames to tell.
+    /// The roughness of the traces divided by the roughness that the noise alone would cause: 1 where the noise is as
+    /// stated. It does not depend on the texel model. `None` where the noise is not stated, or where there are too few
+    /// frames.
     pub seen: Option<f64>,
 }
 
@@ -38,7 +39,7 @@ impl Level {
         let width = capture.manifest.width;
         let of = |(t, gain): (&[u32; 2], [f64; 3])| {
             let dark = match capture.dark() {
-                // Noise that was estimated from calibrated traces already holds the dark level's part.
+                // Noise that was estimated from calibrated traces already contains the part of the dark level.
                 Some(dark) if !self.estimated => {
                     dark[t[1] as usize * width + t[0] as usize].map(|d| f64::from(d).max(0.0))
                 }
@@ -55,8 +56,8 @@ impl Level {
     }
 }
 
-/// The texel model is integrated to about 1e-5 (`optics/tube`): claiming less noise would weigh its own error as
-/// signal.
+/// The texel model is integrated to about 1e-5 (`optics/tube`). Claiming less noise than this would treat the error of
+/// the integration as signal.
 pub const LEAST_RELATIVE: f64 = 2e-5;
 const LEAST_FLOOR: f64 = 1e-7;
 
@@ -80,7 +81,7 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
         let below = taken_off(k);
         [0, 1, 2].map(|c: usize| (relative * (value[c] + below[c])).hypot(floor * median_gain))
     };
-    // The photograph's own noise beside the dark frame's, which was taken off.
+    // The photograph's own noise, without that of the dark frame which was subtracted.
     let lightbox = roughness(&empty, m.width, of_a_frame)
         .map_or(1.0, |(ratio, frame)| (ratio.powi(2) - (dark / frame).powi(2)).max(0.0).sqrt().clamp(1e-3, 1.0));
     let mut level = Level { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
@@ -91,9 +92,10 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     Ok(level)
 }
 
-/// Noise of a smooth image in units of `unit`, which is the standard deviation that a texel of this place and value
-/// would have, and the median unit. From third differences along rows (20 times a sample's variance). Each difference
-/// is divided by its own unit: one median over unlike ones would come out too small.
+/// Noise of a smooth image in units of `unit`, and the median unit. `unit` is the standard deviation that a texel of
+/// this place and value would have. The noise is found from third differences along rows, whose variance is 20 times
+/// that of a sample. Each difference is divided by its own unit, because one median over differences of unequal units
+/// would come out too small.
 fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> Option<(f64, f64)> {
     let (mut differences, mut units) = (Vec::new(), Vec::new());
     for (row, values) in image.chunks(width).enumerate() {
@@ -119,15 +121,15 @@ fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, [f64; 3]) ->
         *list.select_nth_unstable_by(middle, f64::total_cmp).1
     };
     let first = median(&mut differences) / 0.6745;
-    // Then the root mean square within three standard deviations, which knows twice as much as the median; the mean
-    // square of what is left of a normal distribution there is 0.97334.
+    // Then the root mean square within three standard deviations is taken, which is a more precise estimate than the
+    // median. The mean square of a normal distribution that is cut off there is 0.97334.
     let (count, sum) = differences.iter().filter(|d| **d <= 3.0 * first).fold((0, 0.0), |(n, s), d| (n + 1, s + d * d));
     let seen = if first > 0.0 { (sum / f64::from(count) / 0.97334).sqrt() } else { 0.0 };
     Some((seen, median(&mut units)))
 }
 
-/// Fourth differences of the traces (three channels a texel, in turn) in units of what the noise makes of them: their
-/// robust standard deviation. They cancel what is as smooth as the tube's fall-off.
+/// Robust standard deviation of the traces' fourth differences, in units of what the noise makes of them. Fourth
+/// differences cancel whatever is as smooth as the tube's fall-off. `traces` holds three channels a texel, in turn.
 fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f64> {
     const WEIGHTS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
     let mut all: Vec<f64> = Vec::new();
@@ -150,8 +152,8 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
     Some(*all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_489_75)
 }
 
-/// Traces of texels across the middle rows, NaN in the frames that the fit leaves out: the texels, and three channels
-/// of each in turn.
+/// Traces of texels across the middle rows, with NaN in the frames that the fit leaves out. Returns the texels, and the
+/// three channels of each in turn.
 fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
@@ -168,9 +170,9 @@ fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<
     Ok((texels, traces))
 }
 
-/// Fits variance = (r·value)² + f² to third differences, whose expectation over a smooth trace is only noise: a third
-/// difference of independent samples has 20 times their variance. Medians keep the glossy peak, where third differences
-/// are signal, from counting.
+/// Fits variance = (r·value)² + f² to third differences. On a smooth trace these are only noise: a third difference of
+/// independent samples has 20 times their variance. Medians are used so that the glossy peak, where third differences
+/// are signal, does not count.
 fn estimate(traces: &[Vec<f64>]) -> (f64, f64) {
     let mut points: Vec<(f64, f64)> = Vec::new();
     for trace in traces {
@@ -195,7 +197,7 @@ fn estimate(traces: &[Vec<f64>]) -> (f64, f64) {
             (chunk[chunk.len() / 2].0, d[d.len() / 2] / 0.6745)
         })
         .collect();
-    // Weighted straight line of sd² over value², weights 1/sd⁴ so that bright bins do not drown the floor.
+    // A weighted straight line of sd² over value². The weights are 1/sd⁴, so that bright bins do not hide the floor.
     let (mut s, mut sx, mut sy, mut sxx, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for (value, sd) in bins {
         let (x, y) = (value * value, sd * sd);
@@ -238,8 +240,8 @@ mod tests {
         assert!((floor / 5e-4 - 1.0).abs() < 0.15, "{floor}");
     }
 
-    /// A lit box is darker towards its border and its channels are unlike: one median over all differences is too
-    /// small.
+    /// A lit box is darker towards its border and its channels differ. There, one median over all differences would be
+    /// too small.
     #[test]
     fn noise_is_read_off_a_smooth_picture_of_unlike_channels() {
         use rand::{RngExt, SeedableRng};

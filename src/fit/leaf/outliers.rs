@@ -1,10 +1,9 @@
-//! Texels that are not what the rest of the leaf is, by name, and the neighbours that stand for them in the leaf's
-//! means.
+//! Texels that differ from the rest of the leaf are named as defects; neighbours stand in for them in the leaf's means.
 //!
-//! One hot pixel among thousands of texels must not move σa: the gauges (mean thickness h, mean γ 1) are plain means,
-//! so a texel that is wild is taken out of them by name. All limits are set against the leaf's own scatter (median and
-//! median absolute deviation, which hold until half of the texels are wild), and wide enough that neither noise nor a
-//! vein reaches them.
+//! One hot pixel among thousands of texels must not change σa. The gauges (mean thickness h, mean γ 1) are plain means,
+//! so wild texels are taken out of them. All limits are set relative to the leaf's own scatter: median and median
+//! absolute deviation, which stay valid until half of the texels are wild. The limits are wide enough that neither
+//! noise nor a vein reaches them.
 
 use super::curve::RANGE;
 use super::defect::Defect;
@@ -13,21 +12,23 @@ use super::wide::{StandIns, Texel, Wide};
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
 
-/// Scatters of ln χ² above the leaf's median that no noise reaches: once in 10⁹ texels.
+/// A texel is unexplained where ln χ² is this many scatters above the leaf's median. Noise reaches that once in 10⁹
+/// texels.
 const CHI2_SCATTERS: f64 = 6.0;
-/// Scatters of ln γ or ln thickness from the leaf's median.
+/// Limit for ln γ and ln thickness, in scatters from the leaf's median.
 const SCATTERS: f64 = 8.0;
-/// A texel this many times brighter or darker than the leaf's median is foreign: veins reach five.
+/// A texel this many times brighter or darker than the leaf's median is foreign; veins reach five times.
 const BRIGHTNESS: f64 = 8.0;
-/// χ² of three transmittances about one thickness that noise exceeds once in 10¹⁷ texels.
+/// Limit for χ² of three transmittances about one thickness; noise exceeds it once in 10¹⁷ texels.
 const TRANSMITTANCE_CHI2: f64 = 80.0;
-/// Together with that χ²: a thickness this many times the leaf's median, or a part of it.
+/// In addition to that χ², the thickness must differ from the leaf's median by this factor.
 const THICKNESS: f64 = 3.0;
-/// Neighbours within this many texels may stand for a missing one, from the smallest square that holds [`CANDIDATES`]
-/// good texels (or any).
+/// Neighbours within this many texels may stand in for a missing one. They are taken from the smallest square that
+/// holds [`CANDIDATES`] good texels, or from the largest square if none does.
 const REACH: usize = 6;
 const CANDIDATES: usize = 40;
-/// Of these, as many stand for it as are most like it in what comes through: a vein for a vein, lamina for lamina.
+/// This many of the candidates stand in: those whose transmittance is most like the missing texel's. A vein is replaced
+/// by veins, lamina by lamina.
 const NEIGHBOURS: usize = 8;
 
 /// Median; NaN of nothing.
@@ -45,12 +46,12 @@ fn spread(values: &[f64]) -> (f64, f64) {
     (centre, 1.4826 * median(values.iter().map(|v| (v - centre).abs()).collect()))
 }
 
-/// Texels of `mask` whose traces' χ² no noise explains: far above 1, and far above what this leaf's texels have. Where
-/// the stated noise or the model is off, all texels' χ² is high alike, and none stands out.
+/// Texels of `mask` whose χ² no noise explains: it is far above 1, and far above that of this leaf's other texels.
+/// Where the stated noise or the model is wrong, χ² is equally high in all texels, and none stands out.
 pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
     let (chi2, freedom) = texels::chi2(maps);
     let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
-    // Traces that are far off often leave a texel ambiguous, too; that they are off is the better name.
+    // Traces that are far off often make a texel ambiguous as well; being far off is the better name for the defect.
     let ambiguous = f32::from(Defect::Ambiguous.code());
     let reduced = |k: usize| match (chi2.get(k), freedom.get(k)) {
         (Some(c), Some(f)) if mask[k] && (code[k] == 1.0 || code[k] == ambiguous) && *f > 0.0 => {
@@ -71,7 +72,7 @@ pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
         .collect()
 }
 
-/// Texels that stand out of the fitted leaf, by their place in `texels`.
+/// Texels that stand out from the fitted leaf, by their place in `texels`.
 pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
     let gamma = [0, 1, 2].map(|c: usize| {
         let list: Vec<f64> = wide.locals.iter().filter(|l| l.gamma[c] > 0.0).map(|l| l.gamma[c].ln()).collect();
@@ -85,7 +86,7 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
         (0..3).any(|c| {
             let (centre, scatter) = gamma[c];
             let far = (SCATTERS * scatter).max(BRIGHTNESS.ln());
-            // Four standard errors of ρd are given to it.
+            // A deviation of up to four standard errors of ρd is tolerated.
             let (l, error) = (
                 &wide.locals[k],
                 4.0 * texels[k].rho_d_err[c] / texels[k].rho_d[c].max(1e-9) * wide.locals[k].gamma[c],
@@ -98,7 +99,7 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
             let l = &wide.locals[k];
             let away = (l.thickness.ln() - thickness.0).abs();
             if l.thickness < h / RANGE * 1.001 || l.thickness > h * RANGE * 0.999 {
-                // A thickness at the end of its range is no measurement.
+                // A thickness at the end of the searched range is no measurement.
                 Some((k, Defect::ThicknessRange))
             } else if l.chi2 > chi2_limit && away > (SCATTERS * thickness.1).max(THICKNESS.ln()) {
                 Some((k, Defect::Transmission))
@@ -109,9 +110,9 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
         .collect()
 }
 
-/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it that let through what
-/// it lets through: lists of places in `at`. `rho_t` is what was measured of every texel. A failed texel without good
-/// ones near has none.
+/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it with the most similar
+/// transmittance, as places in `at`. `rho_t` is the measured transmittance of every texel. A failed texel without good
+/// texels nearby gets no list.
 pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<StandIns> {
     let mut place = vec![u32::MAX; mask.len()];
     for (n, &k) in at.iter().enumerate() {
@@ -135,7 +136,8 @@ pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> 
         let seen = rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0)
             && !Defect::from_code(mask[k]).is_some_and(Defect::of_light_box);
         if seen {
-            // Equally like ones in their order, so that the list is the same on every run.
+            // The sort is stable: texels that are equally similar keep their order, so the list is the same on every
+            // run.
             list.sort_by(|a, b| away(*a).total_cmp(&away(*b)));
             list.truncate(NEIGHBOURS);
         }
@@ -145,7 +147,7 @@ pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> 
     (0..mask.len()).filter(|&k| failed(mask[k])).filter_map(around).collect()
 }
 
-/// ` (most are …)`, for a leaf of which nothing is left.
+/// ` (most are …)`: the most common defect, for the message about a leaf that has no good texel left.
 pub fn most_common(mask: &[i16]) -> String {
     let count = |d: &Defect| mask.iter().filter(|m| **m == d.code()).count();
     match Defect::ALL.into_iter().max_by_key(count) {

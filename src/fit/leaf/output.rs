@@ -1,4 +1,5 @@
-//! What a leaf fit leaves on disk: `fit.toml`, the maps of `data/README.md`, W's packed textures, the blade, previews.
+//! The files that a leaf fit writes: `fit.toml`, the maps of `data/README.md`, W's packed textures, the blade,
+//! previews.
 
 use crate::Result;
 use crate::leaf::blade::{self, Blade, Grid, glb};
@@ -19,7 +20,7 @@ use mesophyll_record::scan::Scan;
 use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
 use std::path::Path;
 
-/// Options, gauges and defect names: everything in `fit.toml` that no side owns.
+/// Writes options, gauges and defect names: everything in `fit.toml` that belongs to no single side.
 pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level, splits: &Splits) {
     let m = &capture.manifest;
     let (lobe, lobe_index) = Scan::name_lobe(options.lobe);
@@ -57,7 +58,8 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
          leaf"
             .into(),
     );
-    // What the mirror strip says of the tube's place and the camera's angle: without one nothing in the capture can.
+    // The mirror strip tells whether the tube's position and the camera's angle are right. Without a strip nothing in
+    // the capture can tell.
     let mut looked = Inspection::default();
     mirror::look(&capture.folder, m, &mut looked);
     let mirror = if looked.warnings.is_empty() {
@@ -65,7 +67,7 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     } else {
         format!("warning: {}", looked.warnings.join("; "))
     };
-    // A fit does not say where its capture lay.
+    // The fit does not record where its capture lay.
     say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
     record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
@@ -84,7 +86,7 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
             if !(n[2] > 0.2) {
                 continue;
             }
-            // z′ = −z and x′ = −x behind the leaf: dz/dx keeps its sign, dz/dy changes it.
+            // Behind the leaf z′ = −z and x′ = −x: dz/dx keeps its sign, dz/dy changes it.
             let slope = match fitted.side {
                 Side::Front => [-n[0] / n[2], -n[1] / n[2]],
                 Side::Back => [-n[0] / n[2], n[1] / n[2]],
@@ -112,8 +114,8 @@ pub fn side(
     let (values, errors) = maps(fitted, capture);
     write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
     write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
-    // What the report sets the σ maps against: no part of the fit, so it is not hashed. An earlier fit's truth is not
-    // this one's.
+    // The report compares the σ maps with this truth. It is not part of the fit, so it is not hashed. The truth of an
+    // earlier fit does not belong to this one and is removed.
     match &truth.pigment {
         Some(pigment) => write_exr(&File::Truth.path(out, fitted.side), pigment, Packing::Zip)?,
         None => drop(std::fs::remove_file(File::Truth.path(out, fitted.side))),
@@ -169,7 +171,7 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         }
         plane
     };
-    // Errors are measurements' own: NaN where there is none.
+    // Only measured texels have errors: NaN elsewhere.
     let bare = |plane: Vec<f32>| -> Vec<f32> {
         plane.iter().zip(&good).map(|(v, g)| if *g { *v } else { f32::NAN }).collect()
     };
@@ -217,8 +219,8 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
     (values, errors)
 }
 
-/// Slope m with matte texels (ρs = 0, m undetermined: its error is infinite) given the nearest glossy one's, so that no
-/// renderer meets a hole; a leaf without any gloss gets a broad lobe of no weight.
+/// The slope m as renderers need it, without holes. A matte texel (ρs = 0, m undetermined with an infinite error) takes
+/// the m of the nearest glossy texel. A leaf without any gloss gets a broad lobe of no weight.
 fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32> {
     let mut plane = [fitted.maps.scalar(Quantity::M).unwrap_or_default().to_vec()];
     let known: Vec<bool> = good.iter().zip(&plane[0]).map(|(g, m)| *g && m.is_finite()).collect();
@@ -299,7 +301,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
         Quantity::Thickness.name().into(),
         Param {
             value: vec![m.thickness_mm],
-            // Not stated is not undetermined: h is the gauge that σ and δ are measured in.
+            // An error that is not stated does not make h undetermined: h is the unit in which σ and δ are measured.
             stderr: vec![err.unwrap_or(f64::NAN)],
             stderr_caliper: err.into_iter().collect(),
             unit: "mm".into(),
@@ -325,7 +327,7 @@ fn gloss_residuals(fitted: &Fitted, width: usize) -> Residuals {
     }
     r.samples = total as usize;
     r.reduced_chi2 = r.chi2 / total.max(1.0);
-    // Weighted residuals in units of the stated noise.
+    // The residuals are weighted: they are in units of the stated noise.
     r.rms = r.reduced_chi2.sqrt();
     r
 }

@@ -1,8 +1,8 @@
-//! The paper's reduction (W §3, "Fitting BRDF and BTDF"): solve σa and σs at every texel with thickness h, average over
-//! the leaf, then γ and δ from Eq. 5 with A and B frozen at the averages.
+//! The paper's reduction (W §3, "Fitting BRDF and BTDF"). It solves σa and σs at every texel with the mean thickness h
+//! and averages them over the leaf. Then it finds γ and δ from Eq. 5, with A and B frozen at the averages.
 //!
-//! Kept by name (`--method paper`) so that both can be reported. Freezing B makes Eq. 5 take the logarithm of a
-//! negative number wherever ρt falls below B ω/2: such texels get no δ and are counted.
+//! It is kept by name (`--method paper`) so that both reductions can be reported. With B frozen, Eq. 5 takes the
+//! logarithm of a negative number wherever ρt falls below B ω/2. Such texels get no δ and are counted.
 
 use crate::leaf::wide::Texel;
 use mesophyll_optics::slab;
@@ -75,7 +75,7 @@ pub fn reduce(texels: &[Texel], sigma: &[[[f64; 2]; 3]], h: f64) -> Paper {
     }
 }
 
-/// Transmittance that Eq. 5 gives back for a thickness, B frozen.
+/// Transmittance that Eq. 5 gives for a thickness, with B frozen.
 pub fn transmittance(paper: &Paper, thickness: f64) -> [f64; 3] {
     [0, 1, 2].map(|c: usize| (-(paper.sigma_a[c] + paper.sigma_s[c]) * thickness).exp() + paper.b_omega_half[c])
 }

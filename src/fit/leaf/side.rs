@@ -1,4 +1,4 @@
-//! What one side's references say before any texel is fitted: where the leaf is and what it lets through.
+//! What the reference images of one side say before any texel is fitted: where the leaf is and what it lets through.
 
 use crate::leaf::noise::Level;
 use crate::{Error, Result};
@@ -13,20 +13,20 @@ pub struct Measured {
     pub mask: Vec<bool>,
     pub rho_t: Vec<[f32; 3]>,
     pub rho_t_err: Vec<[f32; 3]>,
-    /// What one standard deviation of the dark frame does to ρt.
+    /// Change of ρt when the dark frame is one standard deviation too high.
     pub rho_t_by_dark: Vec<[f32; 3]>,
 }
 
 impl Measured {
     pub fn read(capture: &Capture, side: Side, level: &Level) -> Result<Measured> {
         let (leaf, empty) = capture.lightbox(side)?;
-        // The floor is of calibrated values; photographs of the box are in the camera's.
+        // The floor is that of calibrated values, but photographs of the box are in the camera's values.
         let floor = level.camera_floor() * level.lightbox;
         let found = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
         let (width, height) = (capture.manifest.width, capture.manifest.height);
         let mask = match capture.mask()? {
             Some(front) if side == Side::Front => front,
-            // The back is seen mirrored.
+            // The back's mask is the mirror image of the front's.
             Some(front) => mirror(&front, width),
             None => mask_from_transmission(&found.value, width, height),
         };

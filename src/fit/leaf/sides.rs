@@ -1,10 +1,10 @@
-//! Front against back: both sides show one interior, so their σa and σs must agree.
+//! Compares front with back. Both sides show one interior, so their σa and σs must agree.
 //!
-//! Each side's σ rests on that side's gauge, mean γ = 1: the interior's reflectance is taken to be the side's mean
-//! reflectance. Nothing in one side can tell how far that is from the truth, and the standard errors of the noise do
-//! not hold it. Leaves are brighter from below, and a part of a leaf is not the mean of the whole. Where both sides
-//! were measured their difference tells: what noise does not explain of it is given to both sides as an error of the
-//! gauge (two measurements of one number: DerSimonian & Laird 1986).
+//! Each side's σ depends on that side's gauge, mean γ = 1. This gauge takes the interior's reflectance to be the side's
+//! mean reflectance. Nothing on one side can tell how far that is from the truth, and the standard errors from noise do
+//! not include it: leaves are brighter from below, and a part of a leaf is not the mean of the whole. Where both sides
+//! were measured, their difference can tell. The part of it that noise does not explain is added to both sides as an
+//! error of the gauge (two measurements of one number: DerSimonian & Laird 1986).
 
 use super::interior::Fitted;
 use mesophyll_files::quantity::RGB;
@@ -12,14 +12,14 @@ use mesophyll_record::{FitRecord, Section};
 
 /// Section of `fit.toml` that holds the comparison.
 pub const SECTION: &str = "sides";
-/// Figures: ln of front over back, and the same in combined standard errors of the noise, as `apart.sigma_a.R` and
+/// Figures: ln(front/back), and the same in combined standard errors of the noise, as `apart.sigma_a.R` and
 /// `apart_in_errors.sigma_a.R`.
 pub const APART: &str = "apart";
-/// As [`APART`], divided by the combined standard error.
+/// ln(front/back) divided by the combined standard error.
 pub const APART_IN_ERRORS: &str = "apart_in_errors";
 
-/// Widens both sides' relative errors by what their difference leaves unexplained, and records the difference.
-/// `caliper` is the relative standard error of h, which both sides share and which therefore says nothing of their
+/// Widens both sides' relative errors by the part of their difference that noise does not explain, and records the
+/// difference. `caliper` is the relative standard error of h. Both sides share it, so it says nothing about their
 /// difference.
 pub fn compare(done: &mut [Fitted], caliper: f64, record: &mut FitRecord) {
     let [front, back] = done else { return };

@@ -1,8 +1,9 @@
-//! σa and σs a texel and channel: the slab inverted with the texel's own thickness (the pigment representation).
+//! σa and σs of each texel and channel: the slab is inverted with the texel's own thickness (the pigment
+//! representation).
 //!
-//! Their errors hold the noise of the texel's ρd and ρt and that of its thickness, which is found from the same ρt of
-//! all three channels. They do not hold what all texels share: the caliper's reading, and the errors of the leaf's own
-//! σa and σs.
+//! The errors include the noise of the texel's ρd and ρt, and that of its thickness, which is found from the same ρt of
+//! all three channels. They do not include what all texels share: the error of the caliper's reading, and the errors of
+//! the leaf's own σa and σs.
 
 use crate::leaf::curve::Incidence;
 use crate::leaf::wide::Local;
@@ -30,12 +31,12 @@ impl Inverter {
         Inverter { oblique: (incidence.0 != 1.0).then(|| Oblique::new(incidence.0)) }
     }
 
-    /// σ of one texel and channel `c`, its thickness found from its own ρt; `error` are the standard errors of (ρd,
-    /// ρt), `covariance` is theirs.
+    /// σ of one texel and channel `c` whose thickness was found from its own ρt. `error` holds the standard errors of
+    /// (ρd, ρt), `covariance` the covariance of the two.
     ///
-    /// The thickness moves with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical
-    /// depths σa·t and σs·t stay, so that dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two parts of this
-    /// channel's ρt nearly cancel in σa and are added before they are squared.
+    /// The thickness t changes with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical
+    /// depths σa·t and σs·t are fixed, so dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two contributions of this
+    /// channel's ρt nearly cancel in σa, so they are added before they are squared.
     pub fn invert_fitted(
         &self,
         rho_d: f64,
@@ -48,14 +49,14 @@ impl Inverter {
     ) -> Sigma {
         let found = self.invert(rho_d, rho_t, thickness, error);
         let inverse = self.jacobian(found.value, thickness).try_inverse();
-        // Where ρd and ρt alone bound nothing, a thickness adds nothing.
+        // Where ρd and ρt alone bound nothing, a thickness does not help.
         let Some(by) = inverse.filter(|_| found.error.iter().all(|e| e.is_finite())) else { return found };
         let [rho_d_err, rho_t_err] = error;
         let own = local.pull[c] * rho_t_err;
         let others = ((local.thickness_err / local.thickness).powi(2) - own * own).max(0.0).sqrt();
         let error = [0, 1].map(|q: usize| {
             let value = found.value[q];
-            // By this channel's ρt: at the thickness found, and by moving it.
+            // This channel's ρt acts in two ways: at the thickness found, and by changing it.
             let by_rho_t = by[(q, 1)] - value * local.pull[c];
             let variance = (by[(q, 0)] * rho_d_err).powi(2)
                 + (by_rho_t * rho_t_err).powi(2)
@@ -66,12 +67,12 @@ impl Inverter {
         Sigma { value: found.value, error }
     }
 
-    /// Derivatives of (ρd, ρt as it was measured), the rows, by σa and σs (1/mm), the columns.
+    /// Derivatives of (ρd, ρt as it was measured) by (σa, σs) in 1/mm; ρd and ρt are the rows.
     fn jacobian(&self, [sigma_a, sigma_s]: [f64; 2], thickness: f64) -> Matrix2<f64> {
         let (r, p) = slab::response_with_partials(sigma_a, sigma_s, thickness);
         let mut rho_t = [p.sigma_a.rho_t, p.sigma_s.rho_t];
         if let Some(oblique) = &self.oblique {
-            // ρt measured = ρt along the normal · exp(q), and q follows σa and σs too.
+            // Measured ρt = ρt along the normal · exp(q), where q also depends on σa and σs.
             let step = 1e-4 * (sigma_a + sigma_s);
             let q = |a: f64, s: f64| oblique.ratio((sigma_a + a).max(0.0), (sigma_s + s).max(0.0), thickness);
             let slope = [(q(step, 0.0) - q(-step, 0.0)) / (2.0 * step), (q(0.0, step) - q(0.0, -step)) / (2.0 * step)];
@@ -81,7 +82,7 @@ impl Inverter {
         Matrix2::new(p.sigma_a.rho_d, p.sigma_s.rho_d, rho_t[0], rho_t[1])
     }
 
-    /// σ at a thickness that is taken as exact; `error` are the standard errors of (ρd, ρt).
+    /// σ at a thickness that is taken as exact. `error` holds the standard errors of (ρd, ρt).
     pub fn invert(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2]) -> Sigma {
         let solve = |t: f64, te: f64| {
             let e = inverse::invert(rho_d, t, thickness, error[0], te);
@@ -92,14 +93,15 @@ impl Inverter {
             }
         };
         let Some(oblique) = &self.oblique else { return solve(rho_t, error[1]) };
-        // ρt at normal incidence = ρt measured · exp(−q(ω, Δ)): a fixed point, since q follows from what it leads to.
+        // ρt at normal incidence = measured ρt · exp(−q(ω, Δ)). This is a fixed point, because q depends on the result.
         let mut q = 0.0;
         let mut found = UNKNOWN;
         for _ in 0..60 {
             let scale = f64::exp(-q);
             found = solve(rho_t * scale, error[1] * scale);
             if found.value[0].is_nan() {
-                // The first guess may exceed what any slab transmits; move towards it with the grid's thin end.
+                // The first guess may exceed the transmittance of any slab. Then the iteration restarts from q at the
+                // thin end of the grid.
                 if q == 0.0 {
                     q = oblique.thinnest();
                     continue;
@@ -117,8 +119,8 @@ impl Inverter {
     }
 }
 
-/// q = ln ρt(μ₀) − ln ρt(1) on a grid over (logit ω, ln Δ), interpolated by cubics through the four nearest nodes each
-/// way.
+/// q = ln ρt(μ₀) − ln ρt(1) on a grid over (logit ω, ln Δ). It is interpolated by cubics through the four nearest nodes
+/// in each direction.
 #[derive(Debug)]
 struct Oblique {
     q: Vec<f64>,
@@ -161,7 +163,7 @@ impl Oblique {
     }
 }
 
-/// First of the four nodes around `x` of a unit grid of `n`, and Lagrange's weights for them.
+/// The first of the four nodes around `x` on a unit grid of `n` nodes, and Lagrange's weights for the four.
 fn cubic(x: f64, n: usize) -> (usize, [f64; 4]) {
     let first = (x as usize).saturating_sub(1).min(n - 4);
     let t = x - first as f64;
@@ -185,7 +187,8 @@ mod tests {
         }
     }
 
-    /// The derivatives that the errors rest on, against differences of the exact slab, straight and aslant.
+    /// Compares the derivatives that the errors depend on with differences of the exact slab, at normal and at oblique
+    /// incidence.
     #[test]
     fn derivatives_of_what_was_measured() {
         let h = 0.2;

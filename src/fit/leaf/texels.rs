@@ -1,8 +1,8 @@
-//! The texel phase: bands of rows are read from all frames, every texel is fitted, and each band is kept as a part
+//! The texel phase: bands of rows are read from all frames, every texel is fitted, and each band is saved as a part
 //! file.
 //!
-//! A part is the unit of resuming and of sharding: it is written whole under `parts/`, named by side and first row, and
-//! does not depend on which process or how many threads made it.
+//! A part is the unit of resuming and of sharding. It is written under `parts/`, completely or not at all, and is named
+//! by its side and first row. It does not depend on which process made it or with how many threads.
 
 use crate::gloss::{TexelFit, TexelFitter};
 use crate::leaf::defect::Defect;
@@ -58,7 +58,7 @@ pub fn chi2(parts: &Maps) -> (&[f32], &[f32]) {
     (plane(Quantity::Chi2), plane(Quantity::Freedom))
 }
 
-/// What a part holds. A stopped run's parts are taken over only where this is the same.
+/// Describes what a part holds. The parts of a stopped run are reused only where this description is the same.
 pub fn format() -> String {
     format!("{ROWS} rows of {}", channels().join(" "))
 }
@@ -98,8 +98,8 @@ impl Job<'_> {
         self.parts.join(format!("{}-{:05}.exr", self.side.name(), part * ROWS))
     }
 
-    /// Fits every part of the shard that is not there yet. `first` is the number of parts of the sides before this one,
-    /// so that shards balance over both sides.
+    /// Fits every part of the shard that does not exist yet. `first` is the number of parts of the sides before this
+    /// one, so that the shards share the work of both sides evenly.
     ///
     /// # Errors
     /// Frames that cannot be read, parts that cannot be written.
@@ -163,7 +163,7 @@ impl Job<'_> {
         write_exr(&self.path(part), &maps, Packing::Zip)
     }
 
-    /// Reads every part into whole-side maps; `None` while some are missing.
+    /// Reads every part into maps of the whole side; `None` while some parts are missing.
     pub fn merge(&self) -> Result<Option<Maps>> {
         if (0..self.count()).any(|p| !self.path(p).exists()) {
             return Ok(None);

@@ -1,10 +1,10 @@
-//! Fit against truth, where a synthetic scan brings its truth along: median and 99th percentile errors, and whether the
-//! errors cover.
+//! Compares the fit with the truth that a synthetic scan comes with: median and 99th percentile of the errors, and how
+//! often the truth lies within the stated errors.
 //!
-//! σa, σs, h + δ and γ are known up to the gauge (mean thickness = h, mean γ = 1) over the texels that could be
-//! measured. Where the truth itself keeps another mean there, since texels that are missing are thicker than the rest,
-//! say, the gap between fit and truth is the gauge's and not the noise's: it is printed, and the standard errors, which
-//! do not claim to hold it, are not judged by it.
+//! σa, σs, h + δ and γ are known except for the gauge (mean thickness = h, mean γ = 1), which holds over the texels
+//! that could be measured. The truth itself may have another mean there, for example because the missing texels are
+//! thicker than the rest. Such a gap between fit and truth comes from the gauge and not from noise. It is printed. The
+//! standard errors do not claim to include it and are not judged by it.
 
 use super::texels;
 use crate::Result;
@@ -137,8 +137,8 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
     Ok(Comparison { errors, figures, pigment: Some(pigment).filter(|p| !p.channels.is_empty()) })
 }
 
-/// How σa follows what the mesophyll of a leaf made of layers absorbs, from pairs of absorption and σa: their correlation
-/// and the median of σa over absorption; NaN where there are none.
+/// How σa follows the absorption of the mesophyll in a leaf made of layers, from pairs of absorption and σa: their
+/// correlation, and the median of σa over absorption. NaN where there are no pairs.
 fn follows(mut pairs: Vec<[f64; 2]>) -> [f64; 2] {
     pairs.retain(|[a, s]| *a > 0.0 && s.is_finite());
     let n = pairs.len() as f64;
@@ -151,7 +151,8 @@ fn follows(mut pairs: Vec<[f64; 2]>) -> [f64; 2] {
     [correlation, ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN)]
 }
 
-/// A gap of this share of the smallest standard error moves a 95 % interval's coverage by less than half a per cent.
+/// A gap of this share of the smallest standard error changes the coverage of a 95 % interval by less than half a per
+/// cent.
 const GAUGE_SHARE: f64 = 0.2;
 
 /// How far the truth's means over the good texels are from what the fit sets them to.
@@ -177,9 +178,9 @@ impl Gauge {
     }
 }
 
-/// The true leaf as the fit's σ maps describe it: σa and σs of every good texel from its own ρd, ρt and thickness, so
-/// that pigment explains what the truth may keep as an albedo factor γ beside a σa and σs of the whole leaf. NaN
-/// elsewhere, and where the truth lacks a channel there is no map.
+/// The true leaf as the fit's σ maps describe it: σa and σs of every good texel from the texel's true ρd, ρt and
+/// thickness. So the maps explain by pigment what the truth may store as an albedo factor γ beside one σa and σs for
+/// the whole leaf. NaN elsewhere; no map where the truth lacks a channel.
 pub fn pigment(truth: &Maps, good: &[usize]) -> Maps {
     let mut out = Maps::new(truth.width, truth.height);
     let Some(thickness) = truth.scalar(Quantity::Thickness) else { return out };
@@ -219,7 +220,7 @@ impl Samples {
             self.relative.push(((found - truth) / truth).abs());
         }
         self.judged += 1;
-        // Truth maps and fits are stored in single precision: allow for its rounding.
+        // Truth maps and fits are stored in single precision, so its rounding is allowed for.
         self.inside += usize::from((found - truth).abs() <= 1.96 * error + 2.4e-7 * truth.abs());
     }
 

@@ -1,5 +1,5 @@
-//! What a leaf's measurements leave open beyond their stated noise: a tilt that no pass sees, reflectances at their
-//! bound, traces that no texel model explains, and the bounds of channels whose σa or σs is not determined.
+//! What the measurements of a leaf leave open beyond their stated noise: a tilt that no pass shows, reflectances at
+//! their bound, traces that no texel model explains, and the bounds of channels whose σa or σs is not determined.
 
 use super::texels;
 use super::wide::{Common, Texel};
@@ -8,24 +8,25 @@ use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::slab::inverse::{self, Estimate};
 
-/// Tilt out of the plane of travel (rad, standard deviation) that a single pass must be taken to miss, beside what it
-/// sees in its own plane.
+/// Standard deviation (rad) assumed for the tilt out of the plane of travel, which a single pass cannot see. It is
+/// added to the tilt seen in the plane.
 pub const UNSEEN: f64 = 0.1;
-/// A misfit of this share of the value leaves no parameter within the 10 % that are promised.
+/// Where the misfit is larger than this share of the value, no parameter is determined within the promised 10 %.
 const MISFIT: f64 = 0.1;
 
-/// Relative error of all ρd together by the unseen tilts of a one-pass scan: a tube shows a texel tilted by t as darker
-/// by cos t, about t²/2, and the mean of that over the leaf is no noise.
+/// Relative error that the unseen tilts of a one-pass scan give to all ρd together. Under a tube a texel tilted by t
+/// looks darker by cos t, that is by about t²/2. The mean of this over the leaf is not noise.
 pub fn unseen_tilt(maps: &Maps, good: &[u32]) -> f64 {
     let x = maps.plane(Quantity::Normal, 0).unwrap_or(&[]);
     let seen = good.iter().map(|&k| f64::from(x[k as usize]).powi(2)).sum::<f64>() / good.len().max(1) as f64;
     0.5 * (seen + UNSEEN * UNSEEN)
 }
 
-/// Errors that all ρd share. `unseen`: of [`unseen_tilt`], zero with two passes.
+/// Errors that all ρd share. `unseen` is the result of [`unseen_tilt`]; it is zero with two passes.
 pub fn common(texels: &[Texel], unseen: f64) -> Common {
-    // A ρd is never negative: near zero that lifts its mean, at zero by 0.4 of its error. E[max(0, x)] − μ = φ(z) − z
-    // Q(z) errors at z = μ/error, here by its rational approximation (exact at 0 in value and slope, and for large z).
+    // ρd is never negative. Near zero this raises its mean, at zero by 0.4 of its error. With z = μ/error the rise is
+    // E[max(0, x)] − μ = φ(z) − z Q(z) errors. Here a rational approximation is used, which is exact in value and slope
+    // at 0, and for large z.
     let lift = |z: f64| 0.398_942_28 * (-0.5 * z * z).exp() / (1.0 + 1.253_314_1 * z + z * z);
     let own = [0, 1, 2].map(|c: usize| {
         let sum: f64 = texels.iter().map(|x| x.rho_d[c]).sum();
@@ -36,12 +37,12 @@ pub fn common(texels: &[Texel], unseen: f64) -> Common {
             .sum();
         if sum > 0.0 { lifted / sum } else { f64::INFINITY }
     });
-    // Infinity stands for no reflectance at all; the covariance needs a number.
+    // Infinity would mean that there is no reflectance at all; the covariance needs a finite number.
     Common { shared: unseen, own: own.map(|o| o.min(1e3)) }
 }
 
-/// Reduced χ² of the median texel, where the traces miss their model by more than noise can and by more than a tenth of
-/// the value.
+/// Reduced χ² of the median texel, where the traces differ from the model by more than noise can explain and by more
+/// than a tenth of the value.
 pub fn unexplained(maps: &Maps, good: &[u32], level: &Level) -> Option<f64> {
     let (chi2, freedom) = texels::chi2(maps);
     let mut reduced: Vec<(f64, f64)> = good
@@ -55,7 +56,7 @@ pub fn unexplained(maps: &Maps, good: &[u32], level: &Level) -> Option<f64> {
     (median > 1.0 + 8.0 * (2.0 / freedom).sqrt() && median.sqrt() * level.relative > MISFIT).then_some(median)
 }
 
-/// The slab that the mean texel of channel `c` says, its errors those of the mean.
+/// The slab of the mean texel of channel `c`; its errors are those of the mean.
 pub fn mean_texel(
     texels: &[Texel],
     c: usize,
@@ -68,7 +69,8 @@ pub fn mean_texel(
     let (d, t) = (mean(&|x| x.rho_d[c]), mean(&|x| x.rho_t[c]));
     let d_err = mean(&|x| x.rho_d_err[c].powi(2)) / n;
     let t_err = mean(&|x| rho_t_err(x, c).powi(2)) / n;
-    // Thickness that varies over the leaf makes the mean another slab's: its scatter counts in full.
+    // Where thickness varies over the leaf, the mean texel belongs to a different slab than the leaf. So the scatter
+    // counts in full.
     let scatter = mean(&|x| (x.rho_t[c] - t).powi(2)) / n;
     inverse::invert(
         d,
@@ -79,7 +81,7 @@ pub fn mean_texel(
     )
 }
 
-/// Whether all that came through channel `c`, over the whole leaf, may be noise: its mean is less than 5.5 of its
+/// Whether everything that came through channel `c` of the whole leaf may be noise: its mean is less than 5.5 of its
 /// standard errors.
 pub fn opaque(texels: &[Texel], c: usize, rho_t_err: impl Fn(&Texel, usize) -> f64) -> bool {
     let sum: f64 = texels.iter().map(|x| x.rho_t[c]).sum();
@@ -99,8 +101,8 @@ mod tests {
             let (a, b): (f64, f64) = (rng.random(), rng.random());
             (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
         };
-        // Truly black: the mean of what is left above zero is all lift, and the stated common error must be about that
-        // large.
+        // A truly black leaf: after the cut at zero its mean is all due to the cut, and the stated common error must be
+        // about that large.
         let texels: Vec<Texel> = (0..20_000)
             .map(|_| Texel {
                 rho_d: [normal().max(0.0) * 1e-3; 3],
@@ -112,7 +114,7 @@ mod tests {
             .collect();
         let own = common(&texels, 0.0).own[0];
         assert!((0.5..1.5).contains(&own), "{own}");
-        // Well above zero there is none.
+        // Well above zero the cut has no effect.
         let bright: Vec<Texel> = texels.iter().map(|x| Texel { rho_d: x.rho_d.map(|d| d + 0.01), ..*x }).collect();
         assert!(common(&bright, 0.0).own[0] < 1e-6);
         assert!(opaque(&texels, 1, |_, _| 1e-4) && !opaque(&texels, 0, |_, _| 1e-3));

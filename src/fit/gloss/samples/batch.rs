@@ -1,4 +1,4 @@
-//! `fit gloss --samples`: goniometer tables in, a row a leaf out.
+//! `fit gloss --samples`: reads goniometer tables and writes one row for each leaf.
 
 use super::{Sample, SamplesFit, TILT, fit};
 use crate::gloss::M_RANGE;
@@ -6,10 +6,12 @@ use crate::{Error, Result};
 use mesophyll_files::table::{Answer, Groups, Output, Spec, Status, Table, Tally};
 use mesophyll_optics::gloss::Lobe;
 
-/// `fit gloss --samples`: reads all rows, groups them by `leaf`, writes a row a leaf in order of first appearance.
+/// `fit gloss --samples`: reads all rows, groups them by `leaf`, and writes one row for each leaf in the order in which
+/// leaves first appear.
 ///
 /// # Errors
-/// A missing column, an unreadable input, an unwritable output. A bad row refuses its leaf, by line.
+/// A missing column, an unreadable input, an unwritable output. A bad row makes its whole leaf refused; the message
+/// names the line.
 pub fn run(table: Table, output: &Output, values: &[String], lobe: Lobe) -> Result<Tally> {
     let values: Vec<String> = if values.is_empty() {
         table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect()
@@ -67,7 +69,8 @@ pub fn answer(samples: &[Sample], values: &[String], lobe: Lobe) -> Answer {
 
 const ANGLES: [&str; 3] = ["source_zenith_deg", "view_zenith_deg", "view_azimuth_deg"];
 
-/// A direction from its three angles (degrees) and its readings, whose columns have these names.
+/// A direction with its readings: `cells` holds the three angles (degrees), then the readings, whose columns are called
+/// `names`.
 ///
 /// # Errors
 /// A sentence that names the number that cannot be used.

@@ -1,12 +1,12 @@
 //! Gloss from goniometer samples of a leaf: reflectance factors at many directions for one or few sources.
 //!
-//! Model: value_k = ρd_k + π ρs f_s(n, l, v; m) for every value column k (BRF = π f_r); ρs is grey, m and the normal
-//! shared. ρd_k and ρs ≥ 0 are linear and eliminated; m, tilt and tilt_y are found globally: a grid over all three,
-//! argmin's Nelder–Mead from its best distinct points, Levenberg–Marquardt from the winner for the last digits and the
-//! errors.
+//! The model is value_k = ρd_k + π ρs f_s(n, l, v; m) for every value column k (the values are BRF = π f_r). ρs is the
+//! same for all columns (grey), and so are the slope m and the normal. ρd_k ≥ 0 and ρs ≥ 0 are linear and eliminated.
+//! m, tilt and tilt_y are searched globally: first a grid over all three, then argmin's Nelder–Mead from the best
+//! distinct grid points, then Levenberg–Marquardt from the winner, which gives the last digits and the errors.
 //!
-//! Errors come from the scatter of the residuals, which for a real leaf is misfit more than noise: they are lower
-//! bounds.
+//! The errors are computed from the scatter of the residuals. For a real leaf that scatter is misfit more than noise,
+//! so the errors are lower bounds.
 
 mod batch;
 
@@ -32,7 +32,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Source at azimuth 0 in the x–z plane; view azimuth 180° is the mirror side.
+    /// The source is at azimuth 0 in the x–z plane, so that view azimuth 180° is the side of the mirror direction.
+    /// Angles in radians.
     pub fn from_angles(source_zenith: f64, view_zenith: f64, view_azimuth: f64, values: Vec<f64>) -> Sample {
         let dir = |t: f64, p: f64| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
         Sample { light: dir(source_zenith, 0.0), view: dir(view_zenith, view_azimuth), values }
@@ -64,9 +65,9 @@ pub struct SamplesFit {
     pub readings: usize,
 }
 
-/// Largest tilt looked for (rad).
+/// Largest tilt that is searched (rad).
 const TILT: f64 = 0.8;
-/// Local searches from the grid.
+/// How many local searches start from the grid.
 const STARTS: usize = 8;
 
 /// Fits one leaf.
@@ -139,7 +140,7 @@ impl Problem<'_> {
     }
 
     fn solve(&self, column: &[f64]) -> Solved {
-        // Per band: centre, then one common slope; a ρ below zero goes to its bound.
+        // Each band is centred, then one common slope is fitted. A ρ below zero goes to its bound.
         let each = |k: usize| {
             self.samples
                 .iter()
@@ -161,7 +162,8 @@ impl Problem<'_> {
         let mut rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
         let mut rho_d: Vec<f64> = means.iter().map(|(y, c)| y - rho_s * c).collect();
         if rho_d.iter().any(|r| *r < 0.0) {
-            // Bands at zero no longer centre: a few sweeps of coordinate descent settle the bounded problem.
+            // A band whose ρd is held at zero is no longer centred: a few sweeps of coordinate descent solve the
+            // bounded problem.
             for _ in 0..200 {
                 for (r, (y, c)) in rho_d.iter_mut().zip(&means) {
                     *r = (y - rho_s * c).max(0.0);
@@ -181,7 +183,7 @@ impl Problem<'_> {
         Solved { rho_d, rho_s, sum }
     }
 
-    /// Sum of squares at ln m, tilt, tilt_y; outside the range it rises steeply.
+    /// Sum of squares at (ln m, tilt, tilt_y). Outside the allowed range it rises steeply.
     fn sum(&self, p: &[f64; 3]) -> f64 {
         let q = clamp(p);
         let outside: f64 = p.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum();
@@ -203,7 +205,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Residuals of all readings at `p`, linear part eliminated.
+    /// Residuals of all readings at `p`, with the linear parameters at their best values.
     fn residuals(&self, p: &[f64; 3]) -> Vec<f64> {
         let column = self.column(p);
         let s = self.solve(&column);
@@ -290,7 +292,7 @@ impl Problem<'_> {
     }
 }
 
-/// The last digits from a start near by: points are the sum of squares with its parameters.
+/// The last refinement from a start close by. A point is the sum of squares together with its parameters.
 struct Polish<'a, 'b> {
     problem: &'a Problem<'b>,
     normal: (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>),

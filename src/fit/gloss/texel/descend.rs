@@ -1,5 +1,5 @@
-//! The descent of one texel: Levenberg–Marquardt on the projected problem, with weights that turn from the samples' to
-//! the model's.
+//! The descent of one texel: Levenberg–Marquardt on the projected problem. Its weights come first from the samples and
+//! later from the model.
 
 use super::{Job, NEAR, State};
 use crate::gloss::project::NONLINEAR;
@@ -8,9 +8,9 @@ use mesophyll_solve::Termination;
 use mesophyll_solve::damped::{self, Control, Damped, NormalStep, normal_step};
 
 impl Job<'_> {
-    /// Levenberg–Marquardt with Marquardt's scaling until the predicted decrease of χ² is below `tolerance`; `reweigh`:
-    /// weights from the model once it is near. A texel needs three to six steps. The columns are left at the state
-    /// returned, or within the last linear step of it.
+    /// Runs Levenberg–Marquardt with Marquardt's scaling until the predicted decrease of χ² is below `tolerance`. With
+    /// `reweigh`, weights are computed from the model once the fit is near. A texel needs three to six steps. The
+    /// columns are left at the returned state, or within the last linear step of it.
     pub fn descend(&mut self, mut state: State, tolerance: f64, reweigh: bool) -> (State, Termination) {
         let mut control = Control::MARQUARDT;
         if reweigh {
@@ -19,7 +19,8 @@ impl Job<'_> {
             if !near && end != Termination::NoProgress {
                 return (at, end);
             }
-            // Near, or stuck under provisional weights: now the model's, at the columns of this point.
+            // The fit is near, or stuck under provisional weights: the weights are now computed from the model at this
+            // point.
             control.iterations -= self.iterations - before;
             state = self.reweighed(at);
         }
@@ -28,7 +29,7 @@ impl Job<'_> {
         (at, end)
     }
 
-    /// The same under the weights as they are; also whether `provisional` weights may now be changed.
+    /// The same under the present weights. Also returns whether `provisional` weights may now be changed.
     fn steps(&mut self, at: State, tolerance: f64, provisional: bool, control: &Control) -> (State, Termination, bool) {
         if !at.chi2.is_finite() {
             return (at, Termination::NotFinite, false);
@@ -46,7 +47,7 @@ impl Job<'_> {
     }
 
     fn reweighed(&mut self, state: State) -> State {
-        // The columns belong to the last trial, which is this point unless trials failed.
+        // The columns belong to the last trial. That is this point unless trials failed.
         let here = self.project(state.p);
         let state = if here.chi2 == state.chi2 { here } else { self.evaluate(state.p) };
         self.weigh(&state);
@@ -54,7 +55,7 @@ impl Job<'_> {
     }
 }
 
-/// The projected problem at its last point: normal matrix and gradient of χ²/2 downhill.
+/// The projected problem at its last point: normal matrix, and gradient of χ²/2 in the downhill direction.
 struct Steps<'a, 'b> {
     job: &'a mut Job<'b>,
     tolerance: f64,
@@ -64,7 +65,7 @@ struct Steps<'a, 'b> {
     gradient: [f64; NONLINEAR],
 }
 
-/// A step, and the point within the bounds that it leads to.
+/// A step, and the point within the bounds to which it leads.
 struct Step {
     linear: NormalStep<NONLINEAR>,
     to: [f64; NONLINEAR],
@@ -81,8 +82,8 @@ impl Damped for Steps<'_, '_> {
         for channel in &at.channels {
             channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
         }
-        // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the
-        // bound.
+        // A parameter at its bound whose step points beyond the bound is held there. Otherwise shortened steps of the
+        // others would crawl along the bound.
         let hits = |k: usize| {
             bounded(&at.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 })) == at.p
         };
@@ -133,7 +134,7 @@ impl Damped for Steps<'_, '_> {
     }
 }
 
-/// Applies a step, kept short and within the bounds.
+/// Applies a step after limiting its length, and keeps the result within the bounds.
 pub(in crate::gloss) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -> [f64; NONLINEAR] {
     let shrink = [1.0 / step[0].abs().max(1.0), 0.3 / step[1].abs().max(0.3), 0.3 / step[2].abs().max(0.3)]
         .into_iter()

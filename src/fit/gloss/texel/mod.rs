@@ -1,5 +1,6 @@
-//! The fit of one texel: start from the bank, Levenberg–Marquardt on the projected problem, weights from the model;
-//! then outliers (`outliers.rs`), the question whether there is a lobe at all, errors and verdict (`report.rs`).
+//! The fit of one texel. It starts from the bank of templates, runs Levenberg–Marquardt on the projected problem and
+//! takes its weights from the model. Then come outliers (`outliers.rs`), the question whether there is a lobe at all,
+//! the errors and the verdict (`report.rs`).
 
 mod descend;
 
@@ -13,23 +14,25 @@ use mesophyll_optics::tube::lanes::Level;
 use mesophyll_optics::tube::{Model, Precision, Travel};
 use mesophyll_solve::Termination;
 
-/// A predicted decrease of χ² below this ends the fit with that step taken linearly: it is then below a twentieth of a
-/// standard error, and what the linear step leaves is its square.
+/// The fit ends when the predicted decrease of χ² is below this; the last step is taken linearly. The step is then
+/// below a twentieth of a standard error, and the linear step leaves an error of the order of its square.
 pub(super) const CONVERGED: f64 = 3e-3;
 /// Weights may change from here on: the fit is within about two standard errors.
 const NEAR: f64 = 4.0;
-/// A slope of a one-pass fit from which on other minima are looked for.
+/// Above this slope a one-pass fit looks for other minima.
 const BROAD: f64 = 0.6;
-/// A first slope that is doubted.
+/// A starting slope above this is doubted.
 const WIDE: f64 = 0.9;
-/// Templates tried where the best leads nowhere.
+/// How many templates are tried where the best one does not lead to a good fit.
 const STARTS: usize = 4;
-/// ρs is taken for zero where leaving it out costs less χ² than this (four parameters, and the search over lobes).
+/// ρs is taken for zero where this raises χ² by less than this limit (it allows for four parameters and for the search
+/// over lobes).
 const MATTE: f64 = 12.0;
-/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted. One pass, two passes:
-/// a second pass sees the lobe from another side, and the search would cost ten times the fit.
+/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted. The first number is
+/// for one pass, the second for two: a second pass sees the lobe from another side, and the search would take ten times
+/// as long as the fit.
 pub(super) const FAINT: [f64; 2] = [400.0, 60.0];
-/// Correlation of ρd and ρs beyond which other minima are looked for; one pass, two passes.
+/// Where the correlation of ρd and ρs is below this, other minima are looked for; one pass, two passes.
 const ALIKE: [f64; 2] = [-0.98, -0.995];
 
 /// Fits texels of one device; shared by threads.
@@ -39,8 +42,8 @@ pub struct TexelFitter {
     pub(super) level: Level,
     /// How outliers among the samples are treated.
     pub robust: Robust,
-    /// Standard deviation (rad) of the tilt that a one-pass fit cannot see; what such a tilt does to the rest widens
-    /// the errors.
+    /// Standard deviation (rad) of the tilt that a one-pass fit cannot see. The possible effect of such a tilt on the
+    /// other parameters widens their errors.
     pub unseen: f64,
 }
 
@@ -55,7 +58,7 @@ pub struct Workspace {
     pub(super) columns: [Vec<f64>; COLUMNS],
     pub(super) y: [Vec<f64>; 3],
     pub(super) w: [Vec<f64>; 3],
-    /// 1 for a reading in use, 0 for none or an outlier.
+    /// 1 for a reading in use, 0 for a missing reading or an outlier.
     pub(super) used: [Vec<f64>; 3],
     /// Sum of the channels and its variance (infinite where one is missing).
     sum: [Vec<f64>; 2],
@@ -74,7 +77,8 @@ pub(super) struct State {
 }
 
 impl TexelFitter {
-    /// Tube positions along the travel (mm), a frame each, of pass x and, where there is one, pass y.
+    /// `pass_x_positions_mm` and `pass_y_positions_mm` are the tube's positions along the travel (mm), one for each
+    /// frame. Pass y is optional.
     pub fn new(device: &Device, pass_x_positions_mm: &[f64], pass_y_positions_mm: Option<&[f64]>) -> Self {
         Self::with_precision(device, pass_x_positions_mm, pass_y_positions_mm, &Precision::default())
     }
@@ -108,7 +112,7 @@ impl TexelFitter {
         self.passes.first().map_or(0, |p| p.bank.size())
     }
 
-    /// Room for fits of this device and these positions; one a thread.
+    /// Room for fits of this device and these positions. Each thread needs its own.
     pub fn workspace(&self) -> Workspace {
         Workspace::default()
     }
@@ -163,13 +167,13 @@ pub(super) struct Job<'a> {
     pub noise: ReadingNoise,
     pub ws: &'a mut Workspace,
     texel: [f64; 2],
-    /// Passes in use, and so tilts to find.
+    /// How many passes are in use; as many tilts are fitted.
     pub tilts: usize,
     pub evaluations: usize,
     pub iterations: usize,
-    /// ρs held at zero.
+    /// Whether ρs is held at zero.
     pub matte: bool,
-    /// The tilt held where it is.
+    /// Whether the tilt is held at its value.
     pub held: bool,
 }
 
@@ -230,7 +234,7 @@ impl Job<'_> {
         let start = self.doubt(start);
         let mut best = self.climb(start);
         let mut worst = self.weigh(&best.0);
-        // χ² that the noise makes unlikely (4 σ): another template may have been the right one.
+        // χ² is larger than noise makes it (by 4 standard deviations): another template may have been the right one.
         let freedom = (used - parameters) as f64;
         if !best.1.converged() || best.0.chi2 > freedom + 4.0 * (2.0 * freedom).sqrt() {
             best = self.others(best, &mut Vec::new());
@@ -240,8 +244,8 @@ impl Job<'_> {
         if self.fitter.robust != Robust::Off {
             (best.0, best.1, outliers) = self.reject(best.0, best.1, worst);
         }
-        // Faint gloss, gloss that looks like more diffuse light, or in one pass a lobe so wide that a tilted narrow one
-        // may hide in it, may have several minima: look at them all.
+        // There may be several minima where gloss is faint, where gloss looks like more diffuse light, and where one
+        // pass shows a lobe so wide that a tilted narrow one may hide in it. Then all of them are looked at.
         let mut rivals = Vec::new();
         let wide = self.tilts == 1 && best.0.p[0] > BROAD.ln();
         let mut searched = wide || best.0.gloss_chi2() < FAINT[self.tilts - 1];
@@ -268,11 +272,12 @@ impl Job<'_> {
         fit
     }
 
-    /// Whether darkness explains every reading (χ² of zero light under the noise of darkness, 4 σ). A texel that faces
-    /// away from the camera is such: its parameters would be fitted to noise, slowly.
+    /// Whether darkness explains every reading: χ² of zero light, under the noise of darkness, is within 4 standard
+    /// deviations. A texel that faces away from the camera looks like this. Fitting it would be slow, and its
+    /// parameters would be fitted to noise.
     fn dark(&self, used: usize) -> bool {
         let of_channel = |(c, y): (usize, &Vec<f64>)| {
-            // What may be left of the dark frame is common to all readings of a texel.
+            // An error of the dark frame is common to all readings of a texel.
             let (common, variance) = (3.0 * self.noise.dark_error[c], self.noise.variance(c, 0.0));
             y.iter().map(|y| (y.abs() - common).max(0.0).powi(2)).sum::<f64>() / variance
         };
@@ -281,8 +286,8 @@ impl Job<'_> {
         self.ws.y.iter().flatten().all(|y| *y <= 0.0) || chi2 < n + 4.0 * (2.0 * n).sqrt()
     }
 
-    /// The widest template is also what a steep tilt out of a pass's plane looks like to its bank: smaller slopes are
-    /// tried beside it.
+    /// The widest template also resembles a lobe that is tilted steeply out of the plane of the pass. So smaller slopes
+    /// are tried as well.
     fn doubt(&mut self, start: [f64; NONLINEAR]) -> [f64; NONLINEAR] {
         if self.tilts < 2 || start[0] < WIDE.ln() {
             return start;
@@ -293,11 +298,13 @@ impl Job<'_> {
         tried[best]
     }
 
-    /// Climbs down from the other templates; the best of all, its columns and weights in place, and every end point.
+    /// Descends from the other templates. Returns the best fit of all, with its columns and weights in place; `rivals`
+    /// collects every end point.
     fn others(&mut self, first: (State, Termination), rivals: &mut Vec<State>) -> (State, Termination) {
         let mut best = first;
         for rank in 1..STARTS + 2 {
-            // Minima also lie closer than templates of their own: a step to either side of the first.
+            // Minima may lie closer together than neighbouring templates: a step to either side of the first fit is
+            // tried, too.
             let start = match rank.checked_sub(STARTS) {
                 None => self.start(rank),
                 Some(side) => self.start(0).map(|_| bounded(&first.0.p, &[0.0, [-0.12, 0.12][side], 0.0])),
@@ -310,13 +317,13 @@ impl Job<'_> {
                 best = other;
             }
         }
-        // All under the winner's weights again.
+        // The columns and the weights are left as the winner has them.
         let state = self.evaluate(best.0.p);
         self.weigh(&State { channels: best.0.channels, ..state });
         (self.project(best.0.p), best.1)
     }
 
-    /// The best fit without gloss, where the gloss of `full` is no more than noise and a search would find.
+    /// The best fit without gloss, where the gloss of `full` explains no more than noise and a search over lobes would.
     fn matte(&mut self, full: State) -> Option<(State, Termination)> {
         if full.gloss_chi2() >= 4.0 * MATTE {
             return None;
@@ -332,8 +339,8 @@ impl Job<'_> {
         None
     }
 
-    /// Weights from the fitted model: independent of the samples' own noise, so they do not bias. Returns the largest
-    /// squared standardised residual.
+    /// Computes weights from the fitted model. They do not depend on the samples' own noise, so they cause no bias.
+    /// Returns the largest squared standardised residual.
     pub fn weigh(&mut self, state: &State) -> f64 {
         let (noise, level, ws) = (self.noise, self.fitter.level, &mut *self.ws);
         let mut worst = 0.0f64;
@@ -345,8 +352,8 @@ impl Job<'_> {
         worst
     }
 
-    /// The start that the templates of the first pass rank `rank`th; leaves weights from the samples, good enough to
-    /// start with.
+    /// The starting point that the templates of the first pass put in place `rank`. It leaves weights computed from the
+    /// samples, which are good enough to start with.
     pub fn start(&mut self, rank: usize) -> Option<[f64; NONLINEAR]> {
         let noise = [0, 1, 2].map(|c| self.noise.terms(c));
         let mut p = [0.3f64.ln(), 0.0, 0.0];
@@ -373,7 +380,7 @@ impl Job<'_> {
         Some(p)
     }
 
-    /// Down from a start, first under weights from the samples, then, when near, from the model.
+    /// Descends from a start, first under weights from the samples and, once near, under weights from the model.
     pub fn climb(&mut self, start: [f64; NONLINEAR]) -> (State, Termination) {
         let state = self.evaluate(start);
         self.descend(state, CONVERGED, true)
@@ -394,7 +401,7 @@ impl Job<'_> {
         self.project(p)
     }
 
-    /// The linear solve at the columns as they are.
+    /// The linear solution for the present columns.
     pub fn project(&self, p: [f64; NONLINEAR]) -> State {
         let ws = &*self.ws;
         let channels: [Channel; 3] =
@@ -402,7 +409,7 @@ impl Job<'_> {
         State { p, channels, chi2: channels.iter().map(|c| c.chi2).sum() }
     }
 
-    /// Fills in what an accepted point needs beyond its cost.
+    /// Fills in the sums that only an accepted point needs.
     pub fn slopes(&self, state: &mut State) {
         let (ws, m) = (&*self.ws, state.p[0].exp());
         for c in 0..3 {
@@ -412,7 +419,7 @@ impl Job<'_> {
 }
 
 impl State {
-    /// What χ² would rise by if ρs were zero, the rest fixed but ρd.
+    /// How much χ² would rise if ρs were zero, with ρd refitted and everything else fixed.
     pub fn gloss_chi2(&self) -> f64 {
         let of = |c: &Channel| {
             let own = c.ss - if c.dd > 0.0 { c.ds * c.ds / c.dd } else { 0.0 };
@@ -421,7 +428,8 @@ impl State {
         self.channels.iter().map(of).sum()
     }
 
-    /// Takes a small step without evaluating: ρ moves as the projection says, χ² falls as predicted.
+    /// Takes a small step without evaluating the model: ρd and ρs move as the projection says, and χ² falls as
+    /// predicted.
     fn shift(&mut self, step: &[f64; NONLINEAR], predicted: f64) {
         for (p, s) in self.p.iter_mut().zip(step) {
             *p += s;

@@ -33,9 +33,9 @@ fn exact_traces_give_back_the_truth() {
     }
 }
 
-/// Fits of traces that the scan's own integral made (`capture::synth`): failures, and the median error over what the
-/// stated errors allow. A failure did not converge without saying so, or promises a value that lies six of its errors
-/// off.
+/// Fits traces that the scan's own integral made (`capture::synth`). Returns the number of failures, and the median
+/// error relative to what the stated errors allow. A fit fails where it did not converge without saying so, or where it
+/// promises a value that is off by six of its errors.
 fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
     use mesophyll_capture::manifest;
     use mesophyll_capture::synth::illumination::Device as Scanner;
@@ -48,7 +48,7 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
     let (mut failed, mut ratios, mut time) = (0, Vec::new(), std::time::Duration::ZERO);
     for k in 0..count {
         let mut u = |a: f64, b: f64| rng.uniform(a, b);
-        // With F·G in the model ρs is larger by about as much as F is small.
+        // With F·G in the model, ρs is larger by about the factor by which F is small.
         let s = u(0.01, 0.1) * if matches!(lobe, Lobe::CookTorrance { .. }) { 15.0 } else { 1.0 };
         let t = Truth {
             rho_d: [u(0.02, 0.3), u(0.05, 0.4), u(0.02, 0.2)],
@@ -78,7 +78,7 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
             (f.rho_d[1] - t.rho_d[1]) / f.rho_d_err[1],
             (f.rho_s[1] - t.rho_s[1]) / f.rho_s_err[1],
         ];
-        // A texel without a lobe in the noise is matte by its verdict: its m makes no claim.
+        // A texel whose lobe is hidden in the noise is reported as matte: then its m makes no claim.
         let matte = f.m.is_nan() && f.undetermined.contains(crate::gloss::Undetermined::M);
         if !f.termination.converged() || z.iter().enumerate().any(|(k, v)| !(v.abs() < 6.0 || matte && k == 0)) {
             failed += 1;
@@ -104,8 +104,8 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
     (failed, ratio, us)
 }
 
-/// The goals, a lobe at a time: no failure at 1 %, three of 500 at 2 % with m .03–.9 and tilts of 10°, errors at the
-/// Cramér–Rao bound.
+/// The goals for each lobe: no failure at 1 % noise; three of 500 at 2 % noise with m from .03 to .9 and tilts of 10°;
+/// errors at the Cramér–Rao bound.
 #[test]
 fn fits_of_traces_made_by_other_code() {
     for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
@@ -128,7 +128,7 @@ fn a_common_level_widens_errors_by_what_it_does() {
     let level = 2e-4f32;
     let noise = ReadingNoise { dark_error: [f64::from(level); 3], ..d.noise() };
     let widened = fitter.fit_under(&noise, &mut fitter.workspace(), texel, &tx, Some(&ty));
-    // What each channel's level really moves, fitted again.
+    // The true effect of each channel's dark level is found by fitting again.
     let mut moved = [0.0; 5];
     for c in 0..3 {
         let raise = |trace: &[[f32; 3]]| -> Vec<[f32; 3]> {

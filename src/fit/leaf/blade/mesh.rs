@@ -6,7 +6,7 @@ use super::relief::{Relief, integrate};
 use super::{Grid, bilinear};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
-/// Vertices (mm; x right, y up, z out of the front), one triangle list, both sides share it.
+/// The mesh of the blade. Vertices are in mm (x right, y up, z out of the front). Both sides share one triangle list.
 #[derive(Debug, Clone, Default)]
 pub struct Blade {
     /// Vertices (mm).
@@ -23,11 +23,11 @@ pub struct Blade {
     pub outline: Vec<Vec<[f64; 2]>>,
     /// Blade area (mm²), holes left out.
     pub area: f64,
-    /// Root mean square of the slope that no height explains.
+    /// Root mean square of the part of the slopes that no height explains.
     pub slope_residual: f64,
 }
 
-/// How far the thinned outline may leave the traced one (texels).
+/// How far the simplified outline may lie from the traced one (texels).
 const TOLERANCE: f64 = 0.2;
 
 #[derive(Debug, Clone, Copy)]
@@ -40,8 +40,8 @@ impl HasPosition for Vertex {
     }
 }
 
-/// Reconstructs the blade. `slopes` are [dz/dx, dz/dy] a texel, `None` where unknown; `ratio` is the light box's
-/// leaf/box ratio. `None` when the mask holds no piece large enough to outline.
+/// Reconstructs the blade. `slopes` are [dz/dx, dz/dy] of each texel, `None` where unknown. `ratio` is the light box's
+/// photograph with the leaf over that without it. `None` when the mask holds no piece large enough to outline.
 pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[Option<[f64; 2]>]) -> Option<Blade> {
     let field = coverage(mask, ratio, grid.width, grid.height);
     let mut rings: Vec<Vec<[f64; 2]>> = contours(&field, grid.width, grid.height, 0.5)
@@ -56,7 +56,8 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
     }
     let spacing = (grid.width.max(grid.height) as f64 / 90.0).max(3.0);
     let relief = integrate(grid, slopes);
-    // A stretch of rim that leaves the relief is divided: a single edge from corner to corner would wall the leaf off.
+    // A stretch of rim whose straight edge leaves the relief is divided: a single edge from corner to corner would
+    // stand off the leaf like a wall.
     let height = |p: [f64; 2]| relief.at(p[0], p[1]);
     let rings: Vec<Vec<[f64; 2]>> = rings.iter().map(|r| divided(r, spacing, TOLERANCE * grid.texel, height)).collect();
     let mut cdt: ConstrainedDelaunayTriangulation<Vertex> = ConstrainedDelaunayTriangulation::new();
@@ -65,8 +66,8 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
         for k in 0..handles.len() {
             let (a, b) = (handles[k], handles[(k + 1) % handles.len()]);
             if a != b {
-                // Thinning may make two edges cross by a fraction of a texel; that edge is then left to the
-                // triangulation.
+                // Simplifying may make two edges cross by a fraction of a texel. The second of them is then not
+                // enforced, and the triangulation chooses its edges freely.
                 cdt.try_add_constraint(a, b);
             }
         }
@@ -77,7 +78,7 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
             // Rows are staggered for well-shaped triangles.
             let p = [(i as f64 + 0.5 * (j % 2) as f64) * spacing, j as f64 * spacing];
             let reach = 0.45 * spacing;
-            // The image's edge is rim too: the bilinear value alone would go on past it.
+            // The image's edge is a rim, too: the bilinear value alone would continue past it.
             let clear = [[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]]
                 .map(|d| [p[0] + d[0], p[1] + d[1]])
                 .iter()
@@ -104,7 +105,8 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
             let get = |p: Point2<f64>| if k == 0 { p.x } else { p.y };
             (get(a.position()) + get(b.position()) + get(c.position())) / 3.0
         });
-        // Points that divide a straight edge lie on it but for rounding: the slivers outside them hold nothing.
+        // Points that divide a straight edge lie on it except for rounding, so slivers may appear outside of them. They
+        // are left out.
         let area = triangle_area(a.position(), b.position(), c.position());
         if area > 1e-9 * spacing * spacing && inside(&rings, centre) {
             // Spade's faces run counter-clockwise in (column, row); rows point down, so the order is reversed for z up.
@@ -116,9 +118,9 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
     Some(blade)
 }
 
-/// The ring (texels) with every edge cut into as few equal parts as keep each within `gap` (mm) of the relief's
-/// `height` (mm). Parts need not be shorter than the `spacing` of the points inside, whose triangles are no closer to
-/// the relief.
+/// The ring (texels) with every edge cut into as few equal parts as keep each part within `gap` (mm) of the relief's
+/// `height` (mm). Parts need not be shorter than the `spacing` of the inner points, because the triangles there are no
+/// closer to the relief.
 fn divided(ring: &[[f64; 2]], spacing: f64, gap: f64, height: impl Fn([f64; 2]) -> f64) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(ring.len());
     for (k, a) in ring.iter().enumerate() {
@@ -129,7 +131,7 @@ fn divided(ring: &[[f64; 2]], spacing: f64, gap: f64, height: impl Fn([f64; 2]) 
             let at = |i: usize| i as f64 / parts as f64;
             (0..parts).all(|i| {
                 let (from, to) = (height(along(at(i))), height(along(at(i + 1))));
-                // A look every half texel misses nothing of a relief that is linear between texels.
+                // The relief is linear between texels, so looking at every half texel is enough.
                 let looks = (2.0 * length / parts as f64).ceil().max(2.0) as usize;
                 (1..looks).all(|k| {
                     let t = k as f64 / looks as f64;
@@ -221,7 +223,7 @@ mod tests {
         let square = [[0.0, 0.0], [90.0, 0.0], [90.0, 60.0], [0.0, 60.0]];
         for spacing in [2.0, 3.0, 6.0] {
             let ring = divided(&square, spacing, 0.05, height);
-            // Along the wave it is divided, across it (where the height is constant) it is not.
+            // Along the wave the edge is divided. Across the wave, where the height is constant, it is not.
             assert_eq!(ring.iter().filter(|p| p[0] == 90.0).count(), 2, "{spacing}");
             for (k, a) in ring.iter().enumerate() {
                 let b = ring[(k + 1) % ring.len()];
@@ -257,7 +259,7 @@ mod tests {
         }
         // normals lean as the slopes say
         for (p, n) in blade.positions.iter().zip(&blade.normals) {
-            // at the edge a slope is the mean over the inner side of the smoothing: 0.02/mm times about 1.5 mm
+            // At the edge the slope is a mean over the inner side of the smoothing: 0.02/mm times about 1.5 mm.
             assert!((f64::from(-n[0] / n[2]) - 0.02 * f64::from(p[0])).abs() < 0.05, "{p:?} {n:?}");
         }
     }

@@ -1,5 +1,5 @@
-//! The blade: outline from the transmission, relief from the normals, a trimmed two-sided mesh — what is rendered is
-//! what was scanned.
+//! The blade: its outline from the light that comes through, its relief from the normals, and a trimmed two-sided mesh.
+//! The mesh that is rendered has the shape that was scanned.
 
 pub mod glb;
 pub mod mesh;

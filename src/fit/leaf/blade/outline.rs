@@ -1,8 +1,9 @@
-//! The outline: the half-coverage contour of the leaf, traced between texels (marching squares) and thinned
+//! The outline of the leaf: the contour of half coverage, traced between texels (marching squares) and simplified
 //! (Douglas–Peucker).
 
-/// Share of each texel that the leaf covers, from the light box where it shows partial texels, else from the mask,
-/// lightly smoothed so that the half level runs between texels instead of along their edges.
+/// Share of each texel that the leaf covers. It comes from the light box where that shows partly covered texels,
+/// otherwise from the mask. It is smoothed a little, so that the contour of one half runs between texels instead of
+/// along their edges.
 pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height: usize) -> Vec<f64> {
     let mean = |t: &[f32; 3]| f64::from(t[0] + t[1] + t[2]) / 3.0;
     let leaf_level = ratio.map_or(0.0, |r| {
@@ -13,7 +14,7 @@ pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height:
     });
     let raw: Vec<f64> = (0..mask.len())
         .map(|k| match ratio {
-            // A covered edge texel lets through a mix of leaf and bare box.
+            // A partly covered texel at the edge lets through a mix of leaf and bare box.
             Some(r) if mean(&r[k]).is_finite() && leaf_level < 0.9 => {
                 let share = ((1.0 - mean(&r[k])) / (1.0 - leaf_level)).clamp(0.0, 1.0);
                 if mask[k] { share.max(0.5) } else { share.min(0.5) }
@@ -44,8 +45,8 @@ pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height:
     smooth
 }
 
-/// Closed contours of `field` at `level` in texel coordinates; anything beyond the image is outside. Points are not
-/// repeated.
+/// Closed contours of `field` at `level` in texel coordinates; anything beyond the image counts as outside. The first
+/// point is not repeated at the end.
 pub fn contours(field: &[f64], width: usize, height: usize, level: f64) -> Vec<Vec<[f64; 2]>> {
     use std::collections::BTreeMap;
     // One ring of outside texels closes every contour.
@@ -154,7 +155,7 @@ fn to_segment(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     distance2(p, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]).sqrt()
 }
 
-/// Signed area of a ring (texels², positive when it runs with the inside on one fixed hand).
+/// Signed area of a ring (texels²); the sign tells on which side of the ring the inside lies.
 pub fn area(ring: &[[f64; 2]]) -> f64 {
     (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()])).map(|(a, b)| 0.5 * (a[0] * b[1] - b[0] * a[1])).sum()
 }

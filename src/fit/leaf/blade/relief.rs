@@ -1,5 +1,5 @@
-//! Relief: heights whose slopes agree best with the measured normals (least squares over neighbouring cells, conjugate
-//! gradients).
+//! Relief: the heights whose slopes agree best with the measured normals, by least squares over neighbouring cells,
+//! solved with conjugate gradients.
 
 use super::Grid;
 
@@ -13,13 +13,15 @@ pub struct Relief {
     pub width: usize,
     /// Rows of cells.
     pub height: usize,
-    /// Texels a cell.
+    /// How many texels a cell is wide.
     pub block: usize,
-    /// Height (mm) of cell centres, row-major, mean 0 over the leaf, continued outside along the edge's slope.
+    /// Height (mm) of cell centres, row-major; its mean over the leaf is 0. Outside the leaf it continues with the
+    /// slope of the edge.
     pub z: Vec<f64>,
-    /// Mean measured slopes [dz/dx, dz/dy] of cells, continued outside.
+    /// Mean measured slopes [dz/dx, dz/dy] of cells; they continue outside the leaf.
     slope: [Vec<f64>; 2],
-    /// Root mean square of the slope that no height explains (the curl of noise and of true discontinuities).
+    /// Root mean square of the part of the slopes that no height explains (the curl of noise and of true
+    /// discontinuities).
     pub residual: f64,
 }
 
@@ -67,8 +69,9 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
     }
     let rest: f64 = pairs.iter().map(|&(a, b, d)| ((z[b] - z[a] - d) / size).powi(2)).sum();
     let residual = (rest / pairs.len().max(1) as f64).sqrt();
-    // The mesh carries the blade's shape; what is finer than about a thirtieth of it (veins, bulges, a round petiole)
-    // stays in the normal maps, whose frame then turns slowly and is interpolated the same way by every renderer.
+    // The mesh carries the shape of the blade. Details finer than about a thirtieth of the blade (veins, bulges, a
+    // round petiole) stay in the normal maps. The frame of the normal maps then turns slowly, and every renderer
+    // interpolates it the same way.
     let sigma = w.max(h) as f64 / 32.0;
     let weight = blur(&on.iter().map(|&o| f64::from(u8::from(o))).collect::<Vec<f64>>(), w, h, sigma);
     let mut slope = [0, 1].map(|axis: usize| {

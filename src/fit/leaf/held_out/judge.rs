@@ -16,18 +16,18 @@ use std::collections::BTreeMap;
 
 /// Rows read at a time.
 const ROWS: usize = 32;
-/// Held-out frames of a pass that are stored: those nearest to where the lobe peaks.
+/// How many held-out frames of a pass are stored: those nearest to the lobe's peak.
 const STORED: usize = 2;
-/// A file of held-out frames holds at most this many bytes before packing; of larger scans every second (third, …) row
-/// and column is stored.
+/// A file of held-out frames holds at most this many bytes before packing. Of a larger scan only every second (third,
+/// …) row and column is stored.
 const STORED_BYTES: usize = 8 << 20;
 
 /// A judged side.
 #[derive(Debug, Default)]
 pub struct Judged {
-    /// By pass, those with held-out frames.
+    /// Results by pass, for the passes that have held-out frames.
     pub passes: BTreeMap<String, HeldOut>,
-    /// How well the transmittance is explained; `None` where no texel tells.
+    /// How well the transmittance is explained; `None` where no texel can tell.
     pub light_box: Option<LightBox>,
     /// What `front_held_out.exr` holds; `None` where nothing was held out.
     pub stored: Option<Maps>,
@@ -48,7 +48,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Adds what one texel shows; values that are no numbers are no readings.
+    /// Adds the residuals of one texel. NaN stands for a missing reading.
     pub fn add(&mut self, residuals: impl Iterator<Item = f64>, texel: usize) {
         let (mut s, mut n) = (0.0, 0.0);
         for z in residuals.filter(|z| !z.is_nan()) {
@@ -72,7 +72,8 @@ impl Tally {
         self.squares / self.readings as f64
     }
 
-    /// Standard error of the mean square: texels are independent, the readings of one texel share its fit.
+    /// Standard error of the mean square. Texels are independent of each other, but the readings of one texel share its
+    /// fit.
     pub fn stderr(&self) -> f64 {
         let mean = self.reduced_chi2();
         (self.spread[0] - 2.0 * mean * self.spread[1] + mean * mean * self.spread[2]).max(0.0).sqrt()
@@ -90,12 +91,13 @@ impl Tally {
     }
 }
 
-/// Judges a fitted side by the noise that its texels' readings have.
+/// Compares a fitted side with its held-out frames, in units of the noise of each texel's readings.
 ///
 /// # Errors
 /// Frames that cannot be read.
 pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, level: &Level) -> Result<Judged> {
-    // Floats and the slab's curve hold a transmittance to a few millionths: less noise than that is not claimed.
+    // Single precision and the slab's curve keep a transmittance only to a few millionths, so less noise than that is
+    // not claimed.
     let relative = (level.relative * level.lightbox * std::f64::consts::SQRT_2).max(noise::LEAST_RELATIVE);
     let mut out = Judged { light_box: light_box(capture, fitted, relative), ..Judged::default() };
     let Some(texel) = texel_of(&fitted.maps).filter(|_| splits.any()) else { return Ok(out) };
@@ -189,7 +191,7 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
     Ok(out)
 }
 
-/// Every how many rows and columns of a scan are stored.
+/// The step between the rows and columns of a scan that are stored.
 pub fn stored_step(width: usize, height: usize, passes: usize) -> usize {
     let bytes =
         |step: usize| width.div_ceil(step) * height.div_ceil(step) * 3 * (STORED * passes + 1) * size_of::<f32>();
@@ -210,7 +212,7 @@ fn nearest_the_peak(scan: &Scan, travel: Travel, positions: &[f64]) -> Vec<usize
     order
 }
 
-/// The floor of the whole side is the median texel's.
+/// One floor is used for the whole side: that of the median texel.
 fn light_box(capture: &Capture, fitted: &Fitted, relative: f64) -> Option<LightBox> {
     let m = &capture.manifest;
     let floor = [0, 1, 2].map(|c: usize| outliers::median(fitted.texels.iter().map(|x| x.rho_t_floor[c]).collect()));
@@ -229,7 +231,8 @@ fn light_box(capture: &Capture, fitted: &Fitted, relative: f64) -> Option<LightB
     )
 }
 
-/// Measured transmittances against the slab's. `texel` gives a texel's thickness (mm) and what was measured of it.
+/// Compares measured transmittances with the slab's. `texel` gives a texel's thickness (mm) and its measured
+/// transmittances.
 #[allow(clippy::too_many_arguments)]
 pub(super) fn through(
     sigma_a: [f64; 3],

@@ -1,5 +1,6 @@
-//! How far predictions of held-out readings are off because the fit's parameters are: the mean of j (JᵀJ)⁻¹ jᵀ over
-//! held-out readings.
+//! How far predictions of held-out readings are off because of errors in the fitted parameters: the mean of j (JᵀJ)⁻¹
+//! jᵀ over held-out readings. J holds the weighted slopes of the fitted readings by the parameters, j those of the
+//! held-out reading.
 
 use super::{Predictor, Scan, Scratch, Splits, Texel};
 use crate::gloss::normal_slopes;
@@ -10,11 +11,11 @@ use nalgebra::{SMatrix, SVector};
 const PARAMETERS: usize = 9;
 type Slope = SVector<f64, PARAMETERS>;
 
-/// Texels that the mean is taken over: the figure is the same to a few percent of itself on every texel.
+/// How many texels the mean is taken over. On all texels the figure would be the same within a few percent.
 const SAMPLE: usize = 400;
 
-/// Expected mean square of held-out residuals in units of the noise: by pass, a figure each held-out frame. Texels:
-/// their place (mm) and fit.
+/// Expected mean square of held-out residuals in units of the noise: for each pass, one figure for each held-out frame.
+/// `texels` holds the place (mm) and the fit of each texel.
 pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f64; 2], Texel)]) -> [Vec<f64>; 2] {
     let passes: Vec<(Travel, [Predictor; 2])> = manifest
         .passes
@@ -47,7 +48,7 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
     sums.map(|list| list.iter().map(|sum| 1.0 + sum / count.max(1) as f64).collect())
 }
 
-/// Slopes of every reading (frame by channel) to the parameters, over the reading's noise.
+/// Slopes of every reading (frame by channel) by the parameters, divided by the reading's noise.
 fn slopes(
     scan: &Scan,
     pass: &Predictor,
@@ -80,7 +81,7 @@ fn slopes(
         .collect()
 }
 
-/// Inverse on the directions that the readings determine; a parameter that nothing depends on counts for nothing.
+/// Inverse on the directions that the readings determine. A parameter that no reading depends on contributes nothing.
 fn pseudo_inverse(normal: &SMatrix<f64, PARAMETERS, PARAMETERS>) -> Option<SMatrix<f64, PARAMETERS, PARAMETERS>> {
     if !normal.iter().all(|v| v.is_finite()) {
         return None;
@@ -97,7 +98,7 @@ fn pseudo_inverse(normal: &SMatrix<f64, PARAMETERS, PARAMETERS>) -> Option<SMatr
 mod tests {
     use super::*;
 
-    /// The mean over the readings that were fitted is parameters / readings, whatever the design: the trace of a
+    /// Over the fitted readings the mean is parameters/readings whatever the design, because it is the trace of a
     /// projection.
     #[test]
     fn over_fitted_readings_the_mean_is_parameters_over_readings() {

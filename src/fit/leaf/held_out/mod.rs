@@ -3,10 +3,11 @@
 //! noise. Some of these frames are kept in the fit's folder, so that the fit can be judged by a measurement for as long
 //! as it exists.
 //!
-//! **What to expect.** A reading that the fit did not see differs from its prediction by its own noise and by what the
-//! fit's parameters are off. With the weighted slopes J of a texel's readings to its parameters, the expected square is
-//! 1 + j (JᵀJ)⁻¹ jᵀ for a reading of slope j, in units of the noise: a little above 1 (the mean of the second term is
-//! about parameters / readings). It is computed, not assumed: [`leverage`].
+//! **What to expect.** A reading that the fit did not see differs from its prediction for two reasons: its own noise,
+//! and the errors of the fitted parameters. Let J be the weighted slopes of a texel's fitted readings by its
+//! parameters, and j those of the held-out reading. In units of the noise, the expected square is 1 + j (JᵀJ)⁻¹ jᵀ. It
+//! is a little above 1: the mean of the second term is about parameters/readings. It is computed, not assumed: see
+//! [`leverage`].
 
 mod judge;
 mod leverage;
@@ -21,10 +22,11 @@ use mesophyll_capture::manifest::{Manifest, Travel};
 use mesophyll_capture::synth::random::Stream;
 use mesophyll_record::scan::{HeldOut, LightBox, Scan, off};
 
-/// A pass of fewer frames keeps all of them for the fit: a texel has nine parameters, and every frame counts.
+/// A pass with fewer frames than this keeps all of them for the fit: a texel has nine parameters, and every frame is
+/// needed.
 pub const FEWEST_FRAMES: usize = 20;
-/// A reading farther from its prediction counts as this many standard deviations, so that a spark in one frame does not
-/// hide all other readings.
+/// A reading that is farther from its prediction than this many standard deviations counts as exactly this many, so
+/// that a spark in one frame does not hide all other readings.
 pub const FARTHEST: f64 = 5.0;
 /// A prediction that is off by less than this share of the noise is good …
 pub const GOOD: f64 = 1.0 / 3.0;
@@ -94,8 +96,8 @@ impl Splits {
     }
 }
 
-/// What was left out, for people: `every 20th frame, seed 1; pass x: 5 of 100 (12 33 51 70 99); pass y: none of 16,
-/// fewer than 20`.
+/// The frames that were left out, in words: `every 20th frame, seed 1; pass x: 5 of 100 (12 33 51 70 99); pass y: none
+/// of 16, fewer than 20`.
 pub fn in_words(manifest: &Manifest, told: HoldOut, splits: &Splits) -> String {
     if told.every == 0 {
         return "no frame".into();

@@ -1,4 +1,4 @@
-//! What the tube model says that frames show of a fitted texel.
+//! What frames show of a fitted texel, according to the tube model.
 
 use super::Scan;
 use mesophyll_capture::manifest::Travel;
@@ -33,7 +33,7 @@ pub fn texel_of(maps: &Maps) -> Option<impl Fn(usize) -> Option<Texel> + Sync + 
         let (rho_d, rho_s, n) = (three(&rho_d), three(&rho_s), three(&normal));
         let length = n.iter().map(|v| v * v).sum::<f64>().sqrt();
         let whole = rho_d.iter().chain(&rho_s).all(|v| v.is_finite()) && length > 0.5 && length.is_finite();
-        // A matte texel has no slope, and no lobe that would need one.
+        // A matte texel has no slope and no gloss lobe, so any slope will do.
         let slope = f64::from(m[k]);
         let m = if slope > 0.0 && slope.is_finite() { slope } else { 0.5 };
         whole.then(|| Texel { rho_d, rho_s, m, normal: n.map(|v| v / length) })
@@ -45,7 +45,7 @@ pub struct Predictor {
     pass: Pass,
 }
 
-/// Room for one texel's frames; one a thread.
+/// Scratch for one texel's frames. Each thread needs its own.
 #[derive(Debug, Default)]
 pub struct Scratch {
     lit: Lit,
@@ -69,7 +69,8 @@ impl Predictor {
         self.pass.frames()
     }
 
-    /// Columns D, S, ∂S/∂m, and ∂D and ∂S along the given changes of the normal, a frame each, of a texel at `at` (mm).
+    /// The columns D (diffuse light), S (gloss), ∂S/∂m, and ∂D and ∂S along the given changes of the normal. Each has
+    /// one value a frame, for a texel at `at` (mm).
     pub fn columns<'a>(
         &self,
         scratch: &'a mut Scratch,

@@ -1,5 +1,5 @@
-//! Held-out frames as a fit's folder keeps them: the maps in the folder are judged by them again, whatever happened to
-//! the maps since.
+//! The held-out frames that a fit's folder keeps. They judge the maps in the folder again, whatever has happened to the
+//! maps since.
 
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
@@ -21,8 +21,8 @@ pub(super) fn plane_name(pass: &str, frame: usize, channel: usize) -> String {
     format!("{pass}{frame:04}.{}", RGB[channel])
 }
 
-/// A reading with as many binary digits as tell it within a 64th of its relative noise: the rest is random and would
-/// not pack.
+/// A reading, rounded to as many binary digits as give it within a 64th of its relative noise. The other digits are
+/// random and would not compress.
 pub(super) fn rounded(value: f32, relative: f64) -> f32 {
     let digits = (32.0 / relative.max(1e-7)).log2().ceil().clamp(8.0, 23.0) as u32;
     if digits == 23 || !value.is_finite() {
@@ -32,7 +32,7 @@ pub(super) fn rounded(value: f32, relative: f64) -> f32 {
     f32::from_bits(((value.to_bits() >> (dropped - 1)) + 1) >> 1 << dropped)
 }
 
-/// One side's stored frames against what the folder's maps say now.
+/// One side's stored frames, compared with what the folder's maps predict now.
 #[derive(Debug, Clone)]
 pub struct Kept {
     /// Which side it is.
@@ -41,7 +41,7 @@ pub struct Kept {
     pub width: usize,
     /// Rows of the stored images.
     pub height: usize,
-    /// Every how many rows and columns of the maps are stored.
+    /// The step between stored rows and columns of the maps.
     pub step: usize,
     /// The stored frames.
     pub frames: Vec<KeptFrame>,
@@ -91,7 +91,7 @@ impl KeptFrame {
 }
 
 impl Kept {
-    /// Texel of the whole maps that a stored one is.
+    /// Index in the whole maps of the stored texel `k`.
     pub fn texel(&self, k: usize, width: usize) -> usize {
         k / self.width * self.step * width + k % self.width * self.step
     }
@@ -202,7 +202,7 @@ fn frame_of(
     }
 }
 
-/// The stored transmittance against the slab that the folder's σa, σs and thickness say.
+/// Compares the stored transmittance with the slab of the folder's σa, σs and thickness.
 fn light_box(
     kept: &Kept,
     record: &FitRecord,
@@ -238,7 +238,7 @@ mod tests {
             }
         }
         assert!(rounded(f32::NAN, 0.01).is_nan());
-        // Noise below a float's own digits rounds nothing.
+        // Noise below the precision of a float rounds nothing.
         assert_eq!(rounded(0.123_456_79, 1e-6), 0.123_456_79);
     }
 }

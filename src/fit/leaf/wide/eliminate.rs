@@ -1,11 +1,12 @@
-//! One texel's part of the leaf-wide problem: its thickness and γ eliminated, what is left of them in the sums for the
-//! shared σ.
+//! One texel's part of the leaf-wide problem. Its thickness and γ are eliminated, and their effect goes into the sums
+//! for the shared σ.
 
 use super::{Local, Settings, Sums, Texel, V6};
 use crate::leaf::curve::Curve;
 use nalgebra::SVector;
 
-/// Thickness that explains three transmittances best, by Gauss–Newton in ln t from the last one (or a scan).
+/// The thickness t that explains three transmittances best, by Gauss–Newton in ln t from the last one, or from a scan
+/// if there is none.
 fn solve_thickness(x: &Texel, start: f64, curves: &[Curve; 3], settings: &Settings) -> f64 {
     let [lo, hi] = curves[0].range().map(f64::ln);
     let cost = |t: f64| {
@@ -18,7 +19,7 @@ fn solve_thickness(x: &Texel, start: f64, curves: &[Curve; 3], settings: &Settin
     };
     let mut t = start;
     if t.is_nan() {
-        // T falls with thickness in every channel: a coarse scan finds the basin.
+        // The transmittance falls with thickness in every channel, so a coarse scan finds the minimum's neighbourhood.
         let scan = (0..=32).map(|k| lo + (hi - lo) * f64::from(k) / 32.0);
         t = scan.map(|t| (t, cost(t))).fold((settings.h.ln(), f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a }).0;
     }
@@ -43,8 +44,8 @@ fn solve_thickness(x: &Texel, start: f64, curves: &[Curve; 3], settings: &Settin
     t
 }
 
-/// Solves one texel at the curves of the shared σ and adds its share to `sums`; `in_gauge` is its weight in the gauges'
-/// means.
+/// Solves one texel with the curves of the shared σ and adds its share to `sums`. `in_gauge` is the texel's weight in
+/// the means of the gauges.
 pub(super) fn eliminate(
     x: &Texel,
     in_gauge: f64,
@@ -68,8 +69,8 @@ pub(super) fn eliminate(
     }
     let information = information.max(f64::MIN_POSITIVE);
     let variance = 1.0 / information;
-    // Two degrees of freedom: three transmittances less one thickness. Huber's weight beyond about 3.5 standard
-    // deviations.
+    // There are two degrees of freedom: three transmittances less one thickness. Huber's weight acts beyond about 3.5
+    // standard deviations.
     let trust = if settings.robust && chi2 > 12.0 { (12.0 / chi2).sqrt() } else { 1.0 };
     // d ln t / d p with the thickness re-solved
     let mut dt = V6::zeros();
@@ -90,8 +91,8 @@ pub(super) fn eliminate(
         sums.gradient += row * (weight[c] * trust * residual[c]);
     }
     sums.cost += 0.5 * chi2 * trust.max(1e-12);
-    // Second-order bias of the least-squares thickness (Box 1971): noise would otherwise shift the mean of 10⁵ texels
-    // visibly.
+    // Second-order bias of the least-squares thickness (Box 1971). Uncorrected, noise would visibly shift the mean of
+    // 10⁵ texels.
     let bias = -0.5 * variance * variance * bend;
     let usable = if variance.is_finite() && variance < 0.25 { 1.0 } else { 0.0 };
     let t = ln_t.exp();
@@ -100,7 +101,8 @@ pub(super) fn eliminate(
     local.pull = [0, 1, 2].map(|c: usize| weight[c] * slope[c] * variance);
     sums.weight += in_gauge;
     sums.gauge[0] += in_gauge * t * (1.0 - usable * (bias + 0.5 * variance));
-    // What the gauges' values follow the thickness by, and the covariance of γ's own part with it.
+    // How much the values of the gauges change with the thickness, and the covariance of γ's own part with the
+    // thickness.
     let mut shared = SVector::<f64, 4>::from([t, 0.0, 0.0, 0.0]);
     let mut with_thickness = SVector::<f64, 4>::zeros();
     for k in 0..6 {
@@ -109,7 +111,8 @@ pub(super) fn eliminate(
     for c in 0..3 {
         let (r, q) = (points[c].ln_rho_d.exp(), &points[c]);
         let gamma = x.rho_d[c] / r;
-        // γ is convex in ln t: E[γ̂] = γ (1 − R′·bias + (R′² − R″)/2·variance), R″ of ln R being negligible.
+        // γ is convex in ln t. With R the slab's reflectance, E[γ̂] = γ (1 − R′·bias + (R′² − R″)/2·variance), where R′
+        // and R″ are derivatives of ln R by ln t; R″ is negligible.
         let curvature = 0.5 * q.d_rho_d * q.d_rho_d * variance;
         sums.gauge[1 + c] += in_gauge * gamma * (1.0 - usable * (curvature - q.d_rho_d * bias));
         for k in 0..6 {
@@ -126,7 +129,7 @@ pub(super) fn eliminate(
         shared[1 + c] = by_thickness;
         sums.gauge_noise[(1 + c, 1 + c)] += in_gauge * in_gauge * own;
     }
-    // Noise of the gauges: the thickness (from ρt) they share, three ρd, and what the two have in common.
+    // Noise of the gauges: the thickness (from ρt) that they share, three ρd, and the covariance of the two.
     let cross = shared * with_thickness.transpose();
     sums.gauge_noise += (shared * shared.transpose() * variance + cross + cross.transpose()) * (in_gauge * in_gauge);
     local

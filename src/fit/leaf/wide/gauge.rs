@@ -1,12 +1,12 @@
-//! The shared step and the covariance of σ under the gauges: mean thickness h and mean γ 1 fix as many directions as
-//! they can, the transmittances the rest.
+//! The shared step, and the covariance of σ under the gauges (mean thickness h and mean γ 1). The gauges fix as many
+//! directions as they can; the transmittances fix the rest.
 
 use super::{Common, M6, Sums, V6};
 use mesophyll_solve::decompose;
 use nalgebra::{DMatrix, DVector, SMatrix};
 
-/// Gauss–Newton step under the linearised gauges: a particular solution plus the best move in their null space.
-/// `None` where a sum is not finite.
+/// Gauss–Newton step under the linearised gauges: a particular solution plus the best move in the null space of the
+/// gauges. `None` where a sum is not finite.
 pub(super) fn constrained_step(sums: &Sums, gauge: &[f64; 4], damping: f64) -> Option<V6> {
     let (particular, null) = split(&(sums.jacobian / sums.weight), gauge)?;
     let reduced = null.transpose() * sums.hessian * &null;
@@ -42,12 +42,12 @@ fn split(c: &SMatrix<f64, 4, 6>, gauge: &[f64; 4]) -> Option<(V6, DMatrix<f64>)>
     Some((particular, null))
 }
 
-/// An eigenvalue of the reduced problem below this share of the largest is no information: the direction is lost.
+/// An eigenvalue of the reduced problem below this share of the largest carries no information: its direction is lost.
 const LOST: f64 = 1e-12;
 
-/// Covariance of p: noise of the gauges carried through the constraints, plus noise of the shape in the free
-/// directions. A parameter that takes part in a lost direction has an infinite variance. Where a sum is not finite
-/// nothing is known: every variance is infinite and the rank is 0.
+/// Covariance of p, the logarithms of σa and σs: noise of the gauges carried through the constraints, plus noise of the
+/// transmittances in the free directions. A parameter that takes part in a lost direction has an infinite variance.
+/// Where a sum is not finite nothing is known: every variance is infinite and the rank is 0.
 pub(super) fn covariance(sums: &Sums, common: &Common) -> (M6, f64, usize) {
     let unknown = (M6::from_diagonal_element(f64::INFINITY), f64::INFINITY, 0);
     let (n, c) = (sums.weight, sums.jacobian / sums.weight);
@@ -72,7 +72,7 @@ pub(super) fn covariance(sums: &Sums, common: &Common) -> (M6, f64, usize) {
         }
     }
     let shape = &null * &inverse * null.transpose();
-    // dp = P·(−gauge noise) + shape·(…): P maps gauge noise to p with the free directions re-optimised.
+    // dp = P·(−gauge noise) + shape·(…), where P maps gauge noise to p with the free directions optimised again.
     let mut carry = SMatrix::<f64, 6, 4>::zeros();
     for k in 0..4 {
         let mut unit = [0.0; 4];

@@ -1,9 +1,11 @@
-//! The leaf-wide problem: one σa and σs a channel for the whole leaf, a thickness h + δ and albedo factors γ a texel.
+//! The leaf-wide problem: one σa and σs a channel for the whole leaf, and a thickness h + δ and albedo factors γ for
+//! each texel.
 //!
-//! Minimise Σ over texels and channels of (ρt − T(σ, h + δ))²/variance with the gauges mean(h + δ) = h and mean γ = 1 a
-//! channel, where γ = ρd / R(σ, h + δ) exactly. δ is eliminated texel by texel (the Schur complement of an arrow-shaped
-//! normal matrix is what remains for ln σ), γ in closed form, so each iteration solves six unknowns under four
-//! constraints, however many texels there are. Wang et al. 2005 solve every texel and average instead (`paper.rs`).
+//! It minimises Σ over texels and channels of (ρt − T(σ, h + δ))²/variance under the gauges mean(h + δ) = h and mean γ
+//! = 1 a channel, where γ = ρd / R(σ, h + δ) exactly. T and R are the slab's transmittance and reflectance. δ is
+//! eliminated texel by texel (for ln σ there remains the Schur complement of an arrow-shaped normal matrix), and γ in
+//! closed form. So each iteration solves for six unknowns under four constraints, however many texels there are. Wang
+//! et al. 2005 solve every texel and average instead (`paper.rs`).
 
 mod eliminate;
 mod gauge;
@@ -20,10 +22,10 @@ use std::time::Instant;
 type V6 = SVector<f64, 6>;
 type M6 = SMatrix<f64, 6, 6>;
 
-/// Texels a work unit: fixed, so that sums do not depend on the number of threads.
+/// Texels in a work unit. The number is fixed so that sums do not depend on the number of threads.
 const UNIT: usize = 4096;
 
-/// What the texels say, good ones only.
+/// The readings of one texel; only good texels are passed to the fit.
 #[derive(Debug, Clone, Copy)]
 pub struct Texel {
     /// Diffuse reflectance ρd, a channel each.
@@ -32,10 +34,10 @@ pub struct Texel {
     pub rho_d_err: [f64; 3],
     /// Transmittance ρt, a channel each.
     pub rho_t: [f64; 3],
-    /// Noise of ρt without light; a transmittance T has the variance (relative·T)² + floor², the relative part being
+    /// Noise of ρt without light. A transmittance T has the variance (relative·T)² + floor²; the relative part is
     /// [`Settings::relative`].
     pub rho_t_floor: [f64; 3],
-    /// Covariance of ρd and ρt, a channel: the frame taken in the dark was taken off both.
+    /// Covariance of ρd and ρt, a channel each: the same dark frame was subtracted from both.
     pub covariance: [f64; 3],
 }
 
@@ -76,13 +78,14 @@ pub struct Wide {
     pub sigma_a: [f64; 3],
     /// Scattering coefficient σs (1/mm), a channel each.
     pub sigma_s: [f64; 3],
-    /// Covariance of (ln σa, ln σs) a channel: r_a, r_s, g_a, g_s, b_a, b_s. Statistical only; an error of h adds.
+    /// Covariance of (ln σa, ln σs) a channel, in the order r_a, r_s, g_a, g_s, b_a, b_s. It is statistical only; the
+    /// error of h comes on top.
     pub covariance: M6,
     /// Thickness and γ of every texel, in the order of the texels.
     pub locals: Vec<Local>,
     /// How the descent ended.
     pub termination: Termination,
-    /// Its steps, each with its cost.
+    /// The steps of the descent, each with its cost.
     pub trace: Trace,
     /// Condition number of the problem in the shared parameters, at the solution.
     pub condition: f64,
@@ -103,20 +106,20 @@ pub struct Settings {
     pub incidence: Incidence,
     /// Noise of a transmittance, relative to it.
     pub relative: f64,
-    /// Weigh texels down that no thickness explains.
+    /// Whether texels that no thickness explains get less weight.
     pub robust: bool,
     /// Steps of the descent at most.
     pub iterations: usize,
-    /// What all ρd may have in common that their own noise does not tell.
+    /// Errors that all ρd have in common and that their own noise does not include.
     pub common: Common,
 }
 
 /// Relative standard errors of ρd that every texel of the leaf shares, so that no average takes them away.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Common {
-    /// Alike in the three channels.
+    /// The part that is alike in the three channels.
     pub shared: f64,
-    /// Of each channel alone.
+    /// The part of each channel alone.
     pub own: [f64; 3],
 }
 
@@ -198,7 +201,7 @@ pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], setting
 /// The problem, and what its descent has come to.
 struct Leaf<'a> {
     texels: &'a [Texel],
-    /// Of each texel in the gauges.
+    /// The weight of each texel in the gauges.
     weights: Vec<f64>,
     settings: &'a Settings,
     evaluations: usize,
@@ -215,7 +218,7 @@ struct Point {
     locals: Vec<Local>,
 }
 
-/// A step below this share was cut seven times.
+/// A step shorter than this share was cut seven times.
 const SHORTEST: f64 = 2e-3;
 
 impl Damped for Leaf<'_> {
@@ -246,7 +249,7 @@ impl Damped for Leaf<'_> {
         self.evaluate(at.p + step * share, at.ln_t.clone())
     }
 
-    /// A step is kept that brings the gauges or the cost closer.
+    /// Keeps a step that brings the gauges or the cost closer to their goal.
     fn better(&self, at: &Point, trial: &Point) -> bool {
         let merit =
             |at: &Point| at.sums.cost / self.texels.len() as f64 + 1e3 * self.distance(&at.sums.gap(self.settings.h));
@@ -265,8 +268,8 @@ impl Leaf<'_> {
         gauge[0].abs() / self.settings.h + gauge[1].abs() + gauge[2].abs() + gauge[3].abs()
     }
 
-    /// Eliminates thickness and γ of every texel at σ = exp(p), from the last thickness where there is one, and sums
-    /// what the step needs.
+    /// Eliminates thickness and γ of every texel at σ = exp(p), starting from the last thickness where there is one.
+    /// Then it adds up the sums that the step needs.
     fn evaluate(&mut self, p: V6, mut ln_t: Vec<f64>) -> Point {
         self.evaluations += 1;
         let settings = self.settings;
@@ -298,8 +301,8 @@ impl Leaf<'_> {
     }
 }
 
-/// Covariance of what the stand-ins get wrong in the gauges' sums: each missing value scatters about its neighbours'
-/// mean as they do.
+/// Covariance of the errors that the stand-ins make in the sums of the gauges. Each missing value is taken to scatter
+/// about its neighbours' mean as the neighbours do.
 fn stand_in_noise(locals: &[Local], missing: &[StandIns]) -> SMatrix<f64, 4, 4> {
     let mut total = SMatrix::<f64, 4, 4>::zeros();
     for stand_ins in missing.iter().filter(|s| s.len() > 1) {

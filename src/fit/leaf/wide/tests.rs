@@ -90,8 +90,8 @@ fn errors_cover_the_truth() {
     assert!((0.93..=0.97).contains(&share), "{delta_inside} of {delta_total}");
 }
 
-/// A channel that lets nothing through says how σa and σs are to each other and no more: both are infinitely uncertain,
-/// the others not.
+/// A channel that lets nothing through tells only the ratio of σa to σs. Both are infinitely uncertain; the other
+/// channels' are not.
 #[test]
 fn a_lost_direction_is_not_a_certain_one() {
     let (mut texels, sigma, _, h) = leaf(400, 0.01, 5);
