@@ -9,7 +9,7 @@
 use mesophyll_fourier::Complex;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// What the formulas need of a number.
+/// The operations that the formulas need.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -23,7 +23,7 @@ pub trait Scalar:
 {
     /// A constant.
     fn of(x: f64) -> Self;
-    /// e to the power of it.
+    /// e to the power of `self`.
     fn exp(self) -> Self;
     /// Square root; of a complex number the one with a real part of at least 0.
     fn sqrt(self) -> Self;
@@ -35,9 +35,9 @@ pub trait Scalar:
     fn re(self) -> f64;
     /// Modulus of the value.
     fn size(self) -> f64;
-    /// Whether it is 0 exactly.
+    /// Whether the number is exactly 0.
     fn is_zero(self) -> bool;
-    /// Its product with a real number.
+    /// The product with a real number.
     fn times(self, x: f64) -> Self;
 }
 
@@ -76,7 +76,7 @@ impl Scalar for Complex<f64> {
         Complex::new(x, 0.0)
     }
     fn exp(self) -> Self {
-        // An infinite imaginary part would turn an exponential that is long 0 into NaN.
+        // The exponential is 0 here; an infinite imaginary part would turn it into NaN.
         if self.re < -745.0 { Complex::new(0.0, 0.0) } else { Complex::exp(self) }
     }
     fn sqrt(self) -> Self {
@@ -119,8 +119,8 @@ impl<T: Scalar, const P: usize> Dual<T, P> {
         Dual { value, by }
     }
 
-    /// f(self), given f and f′ at the value. A parameter that the number does not depend on stays so where the slope is
-    /// infinite.
+    /// f(self), given f and f′ at the value. The derivative by a parameter that the number does not depend on stays 0,
+    /// even where the slope is infinite.
     pub fn function(self, value: T, slope: T) -> Self {
         Dual { value, by: self.by.map(|d| if d.is_zero() { d } else { d * slope }) }
     }
@@ -200,14 +200,14 @@ pub trait Real: Scalar {
     const DIFFERENTIATES: bool;
     /// Its value.
     fn value(self) -> f64;
-    /// Σ slopes · self over several numbers, with a value of its own: the chain rule.
+    /// A number of the given value whose derivatives are Σ slope · (derivatives of the numbers): the chain rule.
     fn chain<const K: usize>(value: f64, slopes: [(f64, Self); K]) -> Self;
 
     /// Hyperbolic sine.
     fn sinh(self) -> Self {
         Self::chain(self.value().sinh(), [(self.value().cosh(), self)])
     }
-    /// Its inverse.
+    /// Inverse hyperbolic sine.
     fn asinh(self) -> Self {
         Self::chain(self.value().asinh(), [(1.0 / self.value().hypot(1.0), self)])
     }
@@ -235,7 +235,7 @@ impl<const P: usize> Real for Dual<f64, P> {
         self.value
     }
     fn chain<const K: usize>(value: f64, slopes: [(f64, Self); K]) -> Self {
-        // 0 · ∞ is what a parameter that a number does not depend on would make of an infinite slope.
+        // A parameter that a number does not depend on is left out: an infinite slope would make 0 · ∞ of it.
         let by = |k: usize| slopes.iter().filter(|(_, x)| x.by[k] != 0.0).map(|(slope, x)| slope * x.by[k]).sum();
         Dual { value, by: std::array::from_fn(by) }
     }

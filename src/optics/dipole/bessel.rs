@@ -1,6 +1,6 @@
-//! The modified Bessel functions K₀ and K₁ for |arg w| ≤ π/4: power series near 0 (Abramowitz & Stegun 9.6.11, 9.6.13),
-//! the integral K_ν(w) = ∫₀^∞ e^(−w cosh t) cosh νt dt (9.6.24) by the trapezoid rule elsewhere. Relative error about
-//! 1e-14.
+//! The modified Bessel functions K₀ and K₁ for |arg w| ≤ π/4. Near 0 they are power series (Abramowitz & Stegun 9.6.11,
+//! 9.6.13). Elsewhere they are the integral K_ν(w) = ∫₀^∞ e^(−w cosh t) cosh νt dt (9.6.24), by the trapezoid rule.
+//! Relative error about 1e-14.
 
 use mesophyll_fourier::Complex;
 
@@ -20,7 +20,7 @@ fn series(w: Complex<f64>) -> [Complex<f64>; 2] {
     let q = w * w * 0.25;
     let one = Complex::new(1.0, 0.0);
     let log = (w * 0.5).ln() + EULER_GAMMA;
-    // I₀ = Σ q^n/n!², I₁ = (w/2) Σ q^n/(n!(n+1)!), with the harmonic numbers of the logarithmic solutions beside them
+    // I₀ = Σ q^n/n!² and I₁ = (w/2) Σ q^n/(n!(n+1)!), together with the harmonic numbers of the logarithmic solutions.
     let (mut i0, mut i1, mut h0, mut h1) = (one, one, Complex::new(0.0, 0.0), one);
     let (mut t0, mut t1, mut harmonic) = (one, one, 0.0);
     for n in 1..24 {
@@ -83,7 +83,7 @@ mod tests {
                 assert!((a - b).norm() < 3e-14 * b.norm(), "arg {arg}: {a} {b}");
             }
         }
-        // K₀′ = −K₁ by a central difference, far out as well.
+        // K₀′ = −K₁ is checked by a central difference, also far out.
         for w in [Complex::from_polar(0.7, -0.7), Complex::from_polar(30.0, -0.7), Complex::new(300.0, 0.0)] {
             let e = 1e-5 * w.norm();
             let slope = (k01(w + e)[0] - k01(w - e)[0]) / (2.0 * e);

@@ -1,10 +1,12 @@
-//! A layer between two extrapolated boundaries, exactly: spectra in closed form, and the modes that dominate far from
-//! the source.
+//! A layer between two extrapolated boundaries, solved exactly: its spectra in closed form, and the modes that dominate
+//! far from the source.
 //!
-//! Both forms solve D φ″ − (σa + D k²) φ = −Q with φ = 0 at z = −z_b and z = d + z_b, so their spectra are even,
-//! meromorphic functions of K = √(σtr² + k²) with poles only at K = ±iβ_m, β_m = mπ/H, H = d + 2 z_b.
-//! *Images*: a point source α′ at z = l, exit −D φ′(d): the sum of infinitely many dipoles.
-//! *Thin*: the beam's own first scatterings Q = σs′ e^(−σt′ z), exit φ(d)/(2A); what was not scattered passes apart.
+//! Both forms solve D φ″ − (σa + D k²) φ = −Q with φ = 0 at z = −z_b and z = d + z_b (symbols as in [`super`]). So
+//! their spectra are even, meromorphic functions of K = √(σtr² + k²) with poles only at K = ±iβ_m, β_m = mπ/H, H = d +
+//! 2 z_b.
+//! *Images* has a point source α′ at z = l, and −D φ′(d) leaves: the sum of infinitely many dipoles.
+//! *Thin* has the beam's own first scatterings Q = σs′ e^(−σt′ z) as source, and φ(d)/(2A) leaves; unscattered light
+//! passes separately.
 
 use super::Coefficients;
 use super::bessel;
@@ -12,7 +14,7 @@ use super::scalar::{Dual, Scalar, falling, rising};
 use crate::slab::quadrature::{Node, gauss};
 use std::sync::OnceLock;
 
-/// T̂(k) of the infinite image sum; for d > l only.
+/// T̂(k) of the infinite image sum; valid for d > l only.
 pub fn images<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T) -> T {
     let (l, zb) = (c.free_path, c.extrapolation);
     let height = d + zb.times(2.0);
@@ -52,7 +54,7 @@ pub fn thin<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T) -> T {
     // I₁ = ∫₀^d e^(−σz − K(d−z)) dz, I₂ = ∫₀^d e^(−σz − K(d+z)) dz
     let i2 = d * (-(k * d)).exp() * falling((k + sigma) * d);
     let split = if (k * d).size() < 0.5 {
-        // (I₁ − I₂)/K, which cancels
+        // (I₁ − I₂)/K, in a form that does not cancel.
         (-(k * d)).exp() * weighted(sigma, d, |z| z * rising(k2 * z * z)).times(2.0)
     } else {
         let i1 = if k.re() >= sigma.re() {
@@ -66,7 +68,7 @@ pub fn thin<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T) -> T {
     c.scattering * edge * (split + (zb * edge * i2).times(2.0)) / (height * falling((k * height).times(2.0))).times(2.0)
 }
 
-/// ∫₀^d e^(−σz) f(z) dz for a smooth f, however large σd is.
+/// ∫₀^d e^(−σz) f(z) dz for a smooth f and any σd.
 fn weighted<T: Scalar>(sigma: T, d: T, f: impl Fn(T) -> T) -> T {
     static RULE: OnceLock<Vec<Node>> = OnceLock::new();
     let rule = RULE.get_or_init(|| gauss(32));
@@ -85,7 +87,7 @@ pub enum Layer {
     Thin,
 }
 
-/// A number that knows K₀ and K₁.
+/// A number for which K₀ and K₁ can be computed.
 pub trait Modal: Scalar {
     /// K₀ and K₁ of a positive number.
     fn bessel(self) -> [Self; 2];
@@ -104,8 +106,8 @@ impl Modal for Dual<f64> {
     }
 }
 
-/// T(r) and 2π ∫_r^∞ T s ds from the modes: Σ R_m K₀(κ_m r)/(2π) and Σ R_m r K₁(κ_m r)/κ_m, κ_m = √(σtr² + β_m²). For r
-/// > 0; the number of modes grows as H/r.
+/// T(r) and 2π ∫_r^∞ T s ds as sums over the modes: Σ R_m K₀(κ_m r)/(2π) and Σ R_m r K₁(κ_m r)/κ_m, with κ_m = √(σtr² +
+/// β_m²) and r > 0. The number of modes needed grows as H/r.
 pub(crate) fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -> [T; 2] {
     let zb = c.extrapolation;
     let height = d + zb.times(2.0);

@@ -1,20 +1,21 @@
-//! Light diffusing through a leaf: where it leaves, for light that entered at one point (H9 §3.3.5; Donner & Jensen
-//! 2005).
+//! Diffusion of light through a leaf: where light leaves that entered at one point (H9 §3.3.5; Donner & Jensen 2005).
 //!
-//! T(r, d): exitance of the far side at distance r from the point of entry per entering flux, 1/mm², of a flat
-//! homogeneous slab of thickness d. σt′ = σa + (1−g)σs, α′ = σs′/σt′, l = 1/σt′, D = l/3, σtr = √(3 σa σt′) (the 2007
-//! print has σt for σt′), z_b = 2AD. Units: mm and 1/mm.
+//! T(r, d) is the exitance of the far side at distance r from the point of entry, per entering flux, in 1/mm². The slab
+//! is flat and homogeneous and has the thickness d. From absorption σa, scattering σs, the mean cosine g of the phase
+//! function and the internal reflection A follow: σt′ = σa + (1−g)σs, α′ = σs′/σt′ with σs′ = (1−g)σs, the mean free
+//! path l = 1/σt′, the diffusion constant D = l/3, σtr = √(3 σa σt′) (the 2007 print has σt for σt′), and the
+//! extrapolated distance z_b = 2AD. Units: mm and 1/mm.
 //!
-//! Three forms, by name:
+//! There are three forms, by name:
 //! - [`Form::Dipoles`]`(n)`: the paper's sum over j = −n … n, with (1 + σtr ρ) e^(−σtr ρ) where it prints (1 + σtr ρ
-//!   e^(−σtr ρ)). For d > l. What n leaves out is 4e-4 of the total at d = .2 mm of the paper's tissue, but 28 % at σa
-//!   = .01/mm and 67 % at .001/mm.
-//! - [`Form::Images`]: n = ∞, exact by its Fourier transform. For d > l (NaN otherwise).
-//! - [`Form::Thin`]: the beam's own exponential source, exit φ/(2A), and apart from it e^(−σt′ d) of light that was
-//!   never scattered. For every d > 0.
+//!   e^(−σtr ρ)). It is valid for d > l. The terms beyond n are 4e-4 of the total at d = .2 mm of the paper's tissue,
+//!   but 28 % of it at σa = .01/mm and 67 % at .001/mm.
+//! - [`Form::Images`]: n = ∞, exact by its Fourier transform. It is valid for d > l (NaN otherwise).
+//! - [`Form::Thin`]: the source is the beam's own exponential, φ/(2A) leaves, and e^(−σt′ d) passes without being
+//!   scattered. It is valid for every d > 0.
 //!
-//! Totals against the transport equation (isotropic scattering with σs′, A = 1; σs′ = 9.486/mm, so l is about .1 mm),
-//! relative error in %:
+//! The table compares the totals with the transport equation (isotropic scattering with σs′ = 9.486/mm, so l is about
+//! .1 mm; A = 1). It shows the relative error in %:
 //!
 //! | σa 1/mm | form | d = .02 | .05 | .1 | .15 | .2 | .3 | .5 | 1 mm |
 //! |---|---|---|---|---|---|---|---|---|---|
@@ -27,13 +28,14 @@
 //! | 10 | thin | −.6 | −.5 | −1.1 | −2.9 | −5.7 | −13 | −28 | −56 |
 //! | | images | – | – | −55 | −68 | −77 | −88 | −96 | −100 |
 //!
-//! Diffusion needs σa well below σs′ and, where it absorbs, a blade of few mean free paths; the deep errors belong to
-//! transmittances below .03.
+//! Diffusion needs σa well below σs′. Where the blade absorbs, it must also be only a few mean free paths thick; the
+//! large errors of thick blades belong to transmittances below .03.
 //!
-//! **The unscattered light** of the thin form leaves where it entered: a delta function at r = 0 that no value of T(r)
-//! can show. [`Tissue::transmittance`] and [`Tissue::beyond`] hold the scattered part, [`Tissue::ballistic`] the weight
-//! of the delta; [`Tissue::spectrum`] and [`Tissue::total`] hold both. Near r = 0 the thin form's T grows as −ln r (its
-//! source reaches the exit), so T(0) is infinite; integrals over texels are finite.
+//! **The unscattered light** of the thin form leaves where it entered: it is a delta function at r = 0, which no value
+//! of T(r) can show. [`Tissue::transmittance`] and [`Tissue::beyond`] contain the scattered part only, and
+//! [`Tissue::ballistic`] is the weight of the delta. [`Tissue::spectrum`] and [`Tissue::total`] contain both. Near r =
+//! 0 the thin form's T grows as −ln r, because its source reaches the exit. So T(0) is infinite, but integrals over
+//! texels are finite.
 
 pub mod bessel;
 mod hankel;
@@ -77,7 +79,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// The form of this name; `dipoles` is n of the paper's sum, read by [`Form::Dipoles`] only.
+    /// The form of this name. `dipoles` is the n of the paper's sum; only [`Form::Dipoles`] uses it.
     pub fn of(kind: FormKind, dipoles: u32) -> Form {
         match kind {
             FormKind::Dipoles => Form::Dipoles(dipoles),
@@ -131,7 +133,7 @@ impl<T: Scalar> Coefficients<T> {
     }
 }
 
-/// A value that lifts into the complex plane, so that one inversion serves values and derivatives.
+/// A value that can be lifted into the complex plane, so that one inversion gives both values and derivatives.
 pub(crate) trait Lift: Modal {
     type Lifted: Scalar;
     fn lift(self) -> Self::Lifted;
@@ -185,7 +187,7 @@ pub(crate) fn in_space<T: Lift>(c: &Coefficients<T>, r: f64, d: T, form: Form) -
         Form::Thin => Layer::Thin,
     };
     let height = d.re() + 2.0 * c.extrapolation.re();
-    // Few modes are needed out there, and none cancels; nearer the source the contour loses nothing.
+    // Far out, few modes are needed and none cancels. Nearer to the source the contour loses no digits.
     if r > 3.0 * height {
         return layer::modes(c, layer, r, d);
     }
@@ -206,11 +208,11 @@ pub(crate) fn in_space<T: Lift>(c: &Coefficients<T>, r: f64, d: T, form: Form) -
     sums
 }
 
-/// Mean cosine below which [`Tissue::doubt`] speaks: totals are 5 % off there.
+/// Below this mean cosine [`Tissue::doubt`] warns: totals are 5 % off there.
 const MOST_BACKWARD: f64 = -0.25;
 
 impl Tissue {
-    /// The paper's tissue at 510 nm (H9 Table 3.1), everything let out.
+    /// The paper's tissue at 510 nm (H9 Table 3.1), with A = 1.
     pub const TABLE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1.0 };
 
     /// What is wrong with the numbers, if anything is.
@@ -230,9 +232,10 @@ impl Tissue {
         None
     }
 
-    /// Why no form describes this tissue, however thick: scattering that is mostly backward is not what its reduced
-    /// coefficients say. Against random walks of ten mean free paths (σa .4, σs′ 9.5) they transmit 6 % too little at g
-    /// = −.3, 12 % at −.5, 44 % at −.9 (forward scattering: 7 % too much at .9).
+    /// Why no form describes this tissue at any thickness: scattering that is mostly backward differs from what its
+    /// reduced coefficients say. Compared with random walks through ten mean free paths (σa .4, σs′ 9.5), the forms
+    /// transmit 6 % too little at g = −.3, 12 % at −.5 and 44 % at −.9. For forward scattering it is 7 % too much at g
+    /// = .9.
     pub fn doubt(&self) -> Option<String> {
         let backward =
             || format!("scattering as backward as g = {} is not described by its reduced coefficients", self.g);
@@ -269,9 +272,9 @@ impl Tissue {
         d_mm >= 0.0 && (form != Form::Images || d_mm > self.mean_free_path())
     }
 
-    /// T(r, d), 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, scattered light only. Relative error about
-    /// 1e-12 for the two exact forms while σtr d < 50; infinite at r = 0 for [`Form::Thin`]; NaN where the form is not
-    /// defined. Underflows to 0.
+    /// T(r, d) in 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, of scattered light only. The relative error
+    /// is about 1e-12 for the two exact forms while σtr d < 50. The value is infinite at r = 0 for [`Form::Thin`], NaN
+    /// where the form is not defined, and 0 where it underflows.
     pub fn transmittance(&self, r_mm: f64, d_mm: f64, form: Form) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;
@@ -315,8 +318,8 @@ impl Tissue {
         if r_mm == 0.0 { scattered(&c, Dual::of(0.0), d, form) } else { in_space(&c, r_mm, d, form)[1] }
     }
 
-    /// Flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`], 0 for the others (they have no
-    /// such part).
+    /// Share of the flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`]; 0 for the other
+    /// forms, which have no such part.
     pub fn ballistic(&self, d_mm: f64, form: Form) -> f64 {
         if form == Form::Thin { (-self.reduced_extinction() * d_mm).exp() } else { 0.0 }
     }

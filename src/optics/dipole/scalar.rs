@@ -1,5 +1,5 @@
-//! The numbers that a kernel is evaluated with ([`crate::number`]), and two functions of them that lose no digits. A
-//! formula then gives the value, its Hankel transform and its exact derivatives.
+//! The kinds of number that a kernel is evaluated with ([`crate::number`]), and two functions of them that lose no
+//! digits. So one formula gives the value, its Hankel transform and its exact derivatives.
 
 pub use crate::number::Scalar;
 
@@ -9,7 +9,7 @@ pub const PARTIALS: usize = 4;
 /// A number and its derivatives by σa, σs, g and the thickness factor.
 pub type Dual<T> = crate::number::Dual<T, PARTIALS>;
 
-/// (1 − e^(−x))/x, entire: no digits lost at x = 0.
+/// (1 − e^(−x))/x, an entire function: no digits are lost at x = 0.
 pub fn falling<T: Scalar>(x: T) -> T {
     if x.size() < 0.5 {
         // Σ (−x)^n/(n+1)!

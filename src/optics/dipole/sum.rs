@@ -1,7 +1,7 @@
-//! The paper's sum over 2n + 1 dipoles, in space (H9 Eq. 3.8, corrected) and its Hankel transform.
+//! The paper's sum over 2n + 1 dipoles in space (H9 Eq. 3.8, corrected) and its Hankel transform.
 //!
 //! T(r, d) = Σ_{j=−n..n} α′/(4π) [z (1 + σtr ρ) e^(−σtr ρ)/ρ³]_{real − virtual}, z = d − z_j, ρ = √(r² + z²). The print
-//! has (1 + σtr ρ e^(−σtr ρ)), which turns negative and never dies away.
+//! has (1 + σtr ρ e^(−σtr ρ)), which becomes negative and never decays.
 
 use super::Coefficients;
 use super::scalar::Scalar;

@@ -1,4 +1,4 @@
-//! The three forms against each other's independent derivations, the transport equation, and brute integration.
+//! The three forms are compared with independent derivations, the transport equation, and brute-force integration.
 
 use super::*;
 use crate::slab::{exact, quadrature::gauss};
@@ -6,14 +6,15 @@ use std::f64::consts::PI;
 
 const FORMS: [Form; 3] = [Form::Dipoles(3), Form::Images, Form::Thin];
 
-/// σa of the paper's tissue, and from nearly none to far above σs.
+/// σa of the paper's tissue, and values from nearly none to far above σs.
 const ABSORPTIONS: [f64; 6] = [0.4, 0.01, 1e-6, 0.0, 3.0, 40.0];
 
 fn tissue(sigma_a: f64) -> Tissue {
     Tissue { sigma_a, ..Tissue::TABLE }
 }
 
-/// The image sum in space, run until it stays: T and the share beyond r. Written apart from `sum.rs`.
+/// The image sum in space, continued until it no longer changes: T and the share beyond r. It is written independently
+/// of `sum.rs`.
 fn image_sum(t: &Tissue, r: f64, d: f64) -> [f64; 2] {
     let (l, k) = (t.mean_free_path(), (3.0 * t.sigma_a * t.reduced_extinction()).sqrt());
     let zb = 2.0 * t.a * l / 3.0;
@@ -39,7 +40,8 @@ fn images_in_space_are_the_sum_run_to_convergence() {
                 let want = image_sum(&t, r, d);
                 let got = [t.transmittance(r, d, Form::Images), t.beyond(r, d, Form::Images)];
                 for k in 0..2 {
-                    // The sum itself cancels far out, where the layer's decay is faster than its terms'.
+                    // Far out the sum itself cancels, because the layer's light decays faster than the terms of the
+                    // sum.
                     let lost = 1e-15 * image_sum(&t, 1e-5, d)[k];
                     assert!(
                         (got[k] - want[k]).abs() < 1e-10 * want[k].abs() + lost,
@@ -127,7 +129,7 @@ fn space_and_spectrum_are_one_another_s_transform() {
                     .sum();
                 let want = t.spectrum(k, d, form);
                 let got = t.total(d, form) - k * integral;
-                // beyond ~ r² ln r at r = 0 in the thin form: Gauss is good to 1e-6 there.
+                // In the thin form, `beyond` is like r² ln r at r = 0, where Gauss's rule is good to 1e-6.
                 assert!((got - want).abs() < 2e-6 * t.total(d, form), "{form:?} d {d} k {k}: {got} {want}");
             }
             // T is the slope of `beyond`.
@@ -182,11 +184,11 @@ fn totals_against_the_transport_equation() {
         assert!(worst(Form::Thin, sigma_a, &blades) < 0.017, "σa {sigma_a}: {}", worst(Form::Thin, sigma_a, &blades));
         assert!(worst(Form::Images, sigma_a, &[0.15, 0.2, 0.3, 0.5, 0.7, 1.0]) < 0.09, "σa {sigma_a}");
     }
-    // σa ≫ σs: what is left is the unscattered light, and only the thin form has it.
+    // For σa ≫ σs only the unscattered light is left, and only the thin form has it.
     assert!(worst(Form::Thin, 10.0, &[0.02, 0.05, 0.1, 0.15]) < 0.03);
     assert!(worst(Form::Thin, 40.0, &[0.02, 0.05, 0.1]) < 0.05);
     assert!(worst(Form::Images, 10.0, &[0.1]) > 0.5);
-    // The paper's form turns negative below a mean free path; the thin one keeps its sign.
+    // The paper's form becomes negative below one mean free path; the thin form stays positive.
     assert!(tissue(0.01).total(0.05, Form::Dipoles(3)) < 0.0 && tissue(0.01).total(0.05, Form::Thin) > 0.5);
 }
 
@@ -199,7 +201,7 @@ fn limits_are_smooth() {
                 let [zero, tiny] = [0.0, 1e-14].map(|s| tissue(s).spectrum(k, d, form));
                 assert!(zero > 0.0 && (tiny / zero - 1.0).abs() < 1e-9, "{form:?} k {k} d {d}: {zero} {tiny}");
             }
-            // The series near KH = 1/2 meets the closed form; so do the two sides of K = σt′.
+            // The series near KH = 1/2 agrees with the closed form, and so do the two sides of K = σt′.
             let t = tissue(0.0);
             for k in [0.5 / (0.3 + 4.0 / (3.0 * t.reduced_extinction())), t.reduced_extinction()] {
                 let [a, b, c] = [-1e-6, 0.0, 1e-6].map(|e| t.spectrum(k * (1.0 + e), 0.3, form));

@@ -1,12 +1,12 @@
-//! T(r, d) with a word on whether to trust it: what `eval dipole` prints a row.
+//! T(r, d), and whether it can be trusted: one row of what `eval dipole` prints.
 
 use super::{Form, Tissue};
 use crate::slab;
 use mesophyll_error::Status;
 
-/// More dipoles than anyone needs: at σa = 1e-6/mm the sum has long converged.
+/// Upper limit of n. Even at σa = 1e-6/mm the sum converges long before this.
 pub const MOST_DIPOLES: u32 = 1_000_000;
-/// What `ok` promises of a number.
+/// Relative error that the status `ok` promises at most.
 const PROMISE: f64 = 0.1;
 
 /// T(r, d) in 1/mm² at `radius_mm` ≥ 0 and `thickness_mm` > 0, and whether diffusion holds there. The value is given
@@ -58,14 +58,15 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
         return Some("diffusion does not hold where sigma_a exceeds (1-g) sigma_s".into());
     }
     if let Form::Dipoles(n) = form {
-        // The sum is the one asked for; what it leaves out of all the light is what makes it wrong.
+        // The value is that of the sum that was asked for. The share of all the light that the sum leaves out is its
+        // error.
         let whole = tissue.total(thickness, Form::Images);
         let left_out = 1.0 - tissue.total(thickness, form) / whole;
         if whole > 0.0 && !(left_out.abs() <= PROMISE) {
             return Some(format!("{n} dipoles leave out {:.0} % of the light at this thickness", 100.0 * left_out));
         }
     }
-    // Matched faces have an exact total to be held to.
+    // With matched faces (A = 1) the exact total is known, and the result is compared with it.
     if tissue.a == 1.0 {
         let exact = slab::response(tissue.sigma_a, tissue.reduced_scattering(), thickness).rho_t;
         let off = tissue.total(thickness, form) / exact - 1.0;

@@ -1,8 +1,8 @@
-//! The foliar scattering model (FSM) of B1, §3: a table of how much light a leaf reflects at its surface, from its
-//! inside, and lets through, and three lobes that say where it goes.
+//! The foliar scattering model (FSM) of B1, §3. A table says how much light a leaf reflects at its surface, reflects
+//! from its inside, and lets through; three lobes say where this light goes.
 //!
-//! Its rule for direct light exchanges source and viewer, which it justifies by reciprocity. The table is made by the
-//! ABM, whose lobes around the ray are not reciprocal.
+//! The model's rule for direct light exchanges source and viewer, which the paper justifies by reciprocity. But the
+//! table is made with the paper's ABM, whose lobes around the ray are not reciprocal.
 
 use super::exact;
 use super::goniometer::{RINGS, SECTORS, projected};
@@ -29,14 +29,14 @@ pub struct Shares {
     pub through: f64,
 }
 
-/// The light of row `k` of the table: which side, and the angle of incidence (radians). Beyond 90° it is the abaxial
-/// one.
+/// The light of row `k` of the table: which side is lit, and the angle of incidence (radians). Rows beyond 90° light
+/// the abaxial side.
 pub fn light(row: usize) -> (Side, f64) {
     let degrees = row as f64;
     if row <= 90 { (Side::Adaxial, degrees.to_radians()) } else { (Side::Abaxial, (180.0 - degrees).to_radians()) }
 }
 
-/// The table of a leaf at one wavelength, by the exact method. `None` where that does not settle.
+/// The table of a leaf at one wavelength, by the exact method. `None` where that method does not converge.
 pub fn table(leaf: &Leaf) -> Option<Vec<Shares>> {
     let lights: Vec<(Side, f64)> = (0..ROWS).map(light).collect();
     let found = exact::responses(leaf, &lights)?;
@@ -47,12 +47,13 @@ pub fn table(leaf: &Leaf) -> Option<Vec<Shares>> {
     Some(lights.iter().zip(&found).map(share).collect())
 }
 
-/// A row of the table that pictures are made with: the paper's shares, and the light that turns back before it came
-/// through the mesophyll apart from them. With its angle it has ten numbers, as many as the paper's: what the first
-/// interface reflects needs no column, because Fresnel's formula gives it.
+/// A row of the table that pictures are made with. It has the paper's shares, but light that turns back before it came
+/// through the mesophyll is a column of its own. With its angle it has ten numbers, as many as the paper's: what the
+/// first interface reflects needs no column, because Fresnel's formula gives it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Row {
-    /// Share that turns back before the mesophyll: between wall and epidermis, where the lower side is lit.
+    /// Share that turns back before the mesophyll. Where the lower side is lit, that is light which turns back between
+    /// wall and epidermis.
     pub turned: f64,
     /// The lobe of that share; see [`Turned`].
     pub lobe: Turned,
@@ -62,8 +63,9 @@ pub struct Row {
     pub through: [f64; 3],
 }
 
-/// A lobe cos θ/π · (1 + `rise` (sin²θ − ½) + `lean` sin θ cos φ), with θ from the normal of the lit side and φ from
-/// the plane of the mirror direction: the diffuse lobe, raised towards the plane of the leaf and leaning forward.
+/// A lobe cos θ/π · (1 + `rise` (sin²θ − ½) + `lean` sin θ cos φ), where θ is the angle from the normal of the lit side
+/// and φ the angle from the plane of the mirror direction. It is the diffuse lobe, raised towards the plane of the leaf
+/// and leaning forward.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Turned {
     /// How much more there is at flat angles, 0 to 2.
@@ -73,37 +75,38 @@ pub struct Turned {
 }
 
 impl Turned {
-    /// The lobe whose light has these means of sin²θ and of sin θ cos φ, or the next to it that is nowhere below 0. The
-    /// integrals of cos θ/π sin⁴θ and of cos θ/π sin²θ cos²φ are 1/3 and 1/4.
+    /// The lobe whose light has these means of sin²θ and of sin θ cos φ, or the closest lobe that is nowhere negative.
+    /// The integrals of cos θ/π sin⁴θ and of cos θ/π sin²θ cos²φ are 1/3 and 1/4.
     pub fn of(square: f64, forward: f64) -> Turned {
         let rise = (12.0 * (square - 0.5)).clamp(0.0, 2.0);
         let low = 1.0 - 0.5 * rise;
-        // The least of (low + rise s²)/s for s up to 1.
+        // The smallest value of (low + rise s²)/s for s up to 1.
         let most = if low < rise { 2.0 * (low * rise).sqrt() } else { low + rise };
         Turned { rise, lean: (4.0 * forward).clamp(-most, most) }
     }
 
-    /// The lobe over the diffuse one. `forward` is sin θ cos φ.
+    /// The lobe divided by the diffuse one. `forward` is sin θ cos φ.
     pub fn over_diffuse(&self, cos: f64, forward: f64) -> f64 {
         (1.0 + self.rise * (0.5 - cos * cos) + self.lean * forward).max(0.0)
     }
 
-    /// The most that [`Turned::over_diffuse`] gives.
+    /// An upper bound of [`Turned::over_diffuse`].
     pub fn most(&self) -> f64 {
         1.0 + 0.5 * self.rise + self.lean.abs()
     }
 }
 
-/// Rays for the lobe of a row, and degrees between the rows that it is computed for.
+/// How many rays are followed for the lobe of a row, and how many degrees lie between the rows that a lobe is computed
+/// for.
 const LOBE_RAYS: u64 = 1 << 17;
 const LOBE_STEP: usize = 5;
 /// An absorption of one crossing after which nothing is left.
 const BLACK: f64 = 1e6;
 
-/// The table of a leaf at three wavelengths. Of what a leaf reflects from inside, its twin with a black mesophyll
-/// reflects all that turns back before the mesophyll. The paper takes it for diffuse; but it has met few lobes, and
-/// more of it leaves forward. Its lobe is that of random rays in the twin, with two means kept. `None` where the exact
-/// method does not settle.
+/// The table of a leaf at three wavelengths. The leaf is also computed with a black mesophyll: all that such a leaf
+/// reflects from inside has turned back before the mesophyll. The paper takes this light for diffuse, but it has met
+/// few lobes, so more of it leaves forward. Its lobe is found from random rays in the black leaf, of which two means
+/// are kept. `None` where the exact method does not converge.
 pub fn rows(leaves: &[Leaf; 3]) -> Option<Vec<Row>> {
     let [r, g, b] = leaves;
     let tables = [table(r)?, table(g)?, table(b)?];
@@ -126,13 +129,13 @@ pub fn rows(leaves: &[Leaf; 3]) -> Option<Vec<Row>> {
     Some((0..ROWS).map(row).collect())
 }
 
-/// The lobe of a leaf whose mesophyll is black, for the light of a row: means over what leaves less what the face
-/// mirrors.
+/// The lobe of a leaf whose mesophyll is black, for the light of a row: means over the light that leaves, without the
+/// light that the face mirrors.
 fn turned_lobe(twin: &Leaf, row: usize) -> Turned {
     let (side, at) = light(row);
-    // Level light is mirrored whole: the row takes the lobe of one a little steeper.
+    // Light along the plane of the leaf is mirrored completely, so the row takes the lobe of slightly steeper light.
     let at = at.min(88f64.to_radians());
-    // Without a lobe on the face all that it mirrors is in one patch, and known.
+    // Without a lobe on the face, everything it mirrors falls into one known patch.
     let twin = Leaf { oblateness: Oblateness { cuticle: f64::INFINITY, ..twin.oblateness }, ..*twin };
     let seen = walk::directions(&twin, side, at, LOBE_RAYS, 1, &|| false);
     let mut shares: Vec<f64> =
@@ -148,7 +151,7 @@ fn turned_lobe(twin: &Leaf, row: usize) -> Turned {
         square += share * zenith.sin().powi(2);
         forward -= share * zenith.sin() * azimuth.cos();
     }
-    // So little light that its means are noise.
+    // There is so little light that its means would be noise.
     if all < 2e-3 { Turned::default() } else { Turned::of(square / all, forward / all) }
 }
 
@@ -164,8 +167,8 @@ pub fn theta(normal: [f64; 3], ray: [f64; 3]) -> f64 {
     dot(cross, cross).sqrt().atan2(-dot(normal, ray))
 }
 
-/// What the direct-light rule selects (1/sr): ρd/π where source and viewer are on one side, else τ/π. Angles are from
-/// the adaxial normal, 0 to π.
+/// What the rule for direct light selects (1/sr): ρd/π where source and viewer are on one side, otherwise τ/π. Angles
+/// are from the adaxial normal, 0 to π.
 pub fn direct(incidence: f64, source: f64, diffuse: f64, through: f64) -> f64 {
     let same = (incidence <= FRAC_PI_2) == (source <= FRAC_PI_2);
     (if same { diffuse } else { through }) / PI
@@ -176,8 +179,9 @@ pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2122 * r + 0.7013 * g + 0.0865 * b
 }
 
-/// Density (1/sr) of the directions of surface reflection around the mirror direction of light at `incidence`, after
-/// those below the surface were drawn again. `zenith` is from the normal of the lit side, `azimuth` from the source.
+/// Density (1/sr) of the directions of surface reflection around the mirror direction of light at `incidence`;
+/// directions below the surface were drawn again. `zenith` is from the normal of the lit side, `azimuth` from the
+/// source.
 pub fn surface_density(incidence: f64, ob: f64, zenith: f64, azimuth: f64, acceptance: f64) -> f64 {
     if zenith > FRAC_PI_2 {
         return 0.0;
@@ -265,7 +269,7 @@ mod tests {
             assert!((sums[0] - 1.0).abs() < 1e-9 && (sums[1] - square).abs() < 1e-9, "{sums:?}");
             assert!((sums[2] - forward).abs() < 1e-9 && least >= 0.0, "{sums:?}");
         }
-        // What no such lobe has is cut off, and stays a density.
+        // Means that no such lobe can have are limited, and the lobe stays a density.
         assert!(Turned::of(0.6, 0.9).lean < 3.6 && Turned::of(0.2, 0.0).rise == 0.0);
     }
 

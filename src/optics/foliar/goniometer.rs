@@ -42,13 +42,13 @@ pub fn projected(ring: usize) -> f64 {
 }
 
 impl Goniometer {
-    /// Before any ray.
+    /// A goniometer that has not collected any ray.
     pub fn empty() -> Goniometer {
         Goniometer { patches: vec![0; RINGS * SECTORS], counts: Counts::default() }
     }
 
-    /// Adds a ray that leaves on the lit side or on the other, with the cosine of its angle from that side's normal and
-    /// cosine and sine of its azimuth.
+    /// Adds a ray. `lit` says whether it leaves on the lit side. `mu` is the cosine of its angle from that side's
+    /// normal; x and y are cosine and sine of its azimuth.
     pub(super) fn collect(&mut self, lit: bool, [mu, x, y]: [f32; 3]) {
         let half = RINGS / 2;
         let from_normal = ((mu.acos() * (RINGS as f32 / std::f32::consts::PI)) as usize).min(half - 1);
@@ -59,7 +59,7 @@ impl Goniometer {
         self.patches[ring * SECTORS + sector] += 1;
     }
 
-    /// What a patch shows.
+    /// The reading of one patch.
     pub fn reading(&self, ring: usize, sector: usize) -> Reading {
         let fraction = self.counts.share(self.patches[ring * SECTORS + sector]);
         let per = 1.0 / projected(ring);

@@ -1,5 +1,6 @@
-//! The lobe of B1 (Eq. 2): a ray is turned by α with the density (ob + 1)/2π · cos^ob α around its own direction, and
-//! drawn again where it would leave its side of the leaf's plane.
+//! The lobe of B1 (Eq. 2). A ray is turned by an angle α with the density (ob + 1)/2π · cos^ob α around its own
+//! direction, where ob is the oblateness. The direction is drawn again where it would leave the ray's side of the
+//! leaf's plane.
 
 use mesophyll_quadrature as quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -15,19 +16,19 @@ pub fn density(alpha: f64, ob: f64) -> f64 {
     if alpha >= FRAC_PI_2 || cos <= 0.0 { 0.0 } else { (ob + 1.0) / (2.0 * PI) * cos.powf(ob) }
 }
 
-/// Share of first draws around a ray `theta` from the normal (0 to π/2) that stay on its side of the plane. At ob = 1
-/// it is (1 + cos θ)/2.
+/// Share of first draws, around a ray at `theta` from the normal (0 to π/2), that stay on the ray's side of the plane.
+/// At ob = 1 it is (1 + cos θ)/2.
 pub fn acceptance(theta: f64, ob: f64) -> f64 {
     let from = FRAC_PI_2 - theta;
     if ob.is_infinite() || theta <= 0.0 {
         return 1.0;
     }
-    // Turned by α the ray is below for a share arccos(cot α cot θ)/π of all azimuths.
+    // Of the directions that are turned by α, the share arccos(cot α cot θ)/π of all azimuths is below the plane.
     let below = |alpha: f64| {
         let cot = (from.tan() / alpha.tan()).clamp(-1.0, 1.0);
         cot.acos() / PI * 2.0 * PI * density(alpha, ob) * alpha.sin()
     };
-    // From its edge on the density falls over about 1/(ob tan α), and over 1/√ob at most.
+    // From its start the density falls over about 1/(ob tan α), and over at most 1/√ob.
     let scale = (1.0 / ((ob + 1.0) * from.tan())).min(1.0 / (ob + 1.0).sqrt());
     let rule = quadrature::unit(24);
     let mut ends = vec![from];
@@ -37,7 +38,7 @@ pub fn acceptance(theta: f64, ob: f64) -> f64 {
     for (k, pair) in ends.windows(2).enumerate() {
         let length = pair[1] - pair[0];
         for &(y, w) in &rule {
-            // The share of azimuths begins like a root, and a small power of the cosine ends like one.
+            // The share of azimuths starts like a root, and a small power of the cosine ends like one.
             let (x, dx) = match k {
                 0 => (y * y, 2.0 * y * w),
                 _ if k + 2 == ends.len() => (1.0 - (1.0 - y).powi(2), 2.0 * (1.0 - y) * w),

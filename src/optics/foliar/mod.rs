@@ -2,12 +2,12 @@
 //! Baranoski & Rokne (The Visual Computer 17, 2001; B1 in `docs/sources.md`).
 //!
 //! The leaf has six plane interfaces ([`INTERFACES`]). A ray that meets one is reflected or refracted, and then turned
-//! by a random angle around its own new direction; between the second interface and the third lies the mesophyll, which
-//! absorbs. How a leaf reflects and lets through is computed in two ways that share nothing but Fresnel's formula:
+//! by a random angle around its own new direction. Between the second interface and the third lies the mesophyll, which
+//! absorbs. How much a leaf reflects and lets through is computed in two ways that share only Fresnel's formula:
 //!
-//! - [`walk`] follows random rays, as the paper does. It also says into which directions light leaves.
+//! - [`walk`] follows random rays, as the paper does. It also says in which directions light leaves.
 //! - [`exact`] solves the integral equation that the mean of the rays obeys. It has no noise, takes milliseconds and
-//!   has derivatives, and it knows R and T only.
+//!   gives derivatives, but it knows only R and T.
 //!
 //! Angles are in radians, thickness in mm and absorption in 1/mm. Directions are given by the cosine μ of the angle
 //! from the leaf's normal.
@@ -58,7 +58,7 @@ pub enum Path {
 }
 
 impl Path {
-    /// How many thicknesses a crossing at the cosine `mu` is long.
+    /// The length of a crossing at the cosine `mu`, in thicknesses.
     pub fn length<N: Real>(self, mu: N) -> N {
         match self {
             Path::Slant => N::of(1.0) / mu,
@@ -67,8 +67,8 @@ impl Path {
     }
 }
 
-/// How strongly the lobes of each tissue bundle light: exponents of a cosine around the ray, ≥ 0. 0 is a uniform
-/// hemisphere, infinity does not turn the ray at all.
+/// How strongly the lobes of each tissue concentrate light: exponents of a cosine around the ray, ≥ 0. An exponent of 0
+/// gives a uniform hemisphere; infinity does not turn the ray at all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Oblateness<N = f64> {
     /// Light that the leaf's outer faces reflect. It turns light that has already left, so R and T do not depend on it.
@@ -86,7 +86,7 @@ impl Oblateness {
     pub const USUAL: Oblateness = Oblateness { cuticle: 5.0, epidermis: 5.0, palisade: 1.0, spongy: 5.0 };
 }
 
-/// A leaf. R and T depend on absorption and thickness by their product only.
+/// A leaf. R and T depend on absorption and thickness only through their product.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leaf<N = f64> {
     /// Absorption coefficient of the mesophyll times its thickness, ≥ 0, without unit.
@@ -103,7 +103,7 @@ pub struct Leaf<N = f64> {
     pub path: Path,
 }
 
-/// Largest refractive index that is taken.
+/// Largest refractive index that is accepted.
 pub const LARGEST_INDEX: f64 = 3.0;
 
 impl Leaf {
@@ -119,7 +119,7 @@ impl Leaf {
         }
     }
 
-    /// What is wrong with it: the name of the quantity, what it is and what is expected. `None` where it is a leaf.
+    /// What is wrong with the leaf: the name of the quantity, its value and what is expected. `None` for a valid leaf.
     pub fn fault(&self) -> Option<String> {
         if !(self.depth >= 0.0) {
             return Some(format!("absorption times thickness is {}; expected 0 or more", self.depth));
@@ -145,8 +145,8 @@ impl Leaf {
     }
 }
 
-/// Where light that arrives from air onto a face of index `n`, `angle` off the normal, goes: the share that is
-/// reflected, and sine and cosine inside.
+/// What happens to light that arrives from air at `angle` from the normal onto a face of index `n`: the share that is
+/// reflected, and the sine and cosine of the angle inside.
 pub fn enter<N: Real>(n: N, angle: f64) -> (N, N, N) {
     let (sin, cos) = (N::of(angle.sin()), N::of(angle.cos()));
     let inside = sin / n;
@@ -161,7 +161,7 @@ pub fn fresnel<N: Real>(n1: N, cos1: N, n2: N, cos2: N) -> N {
     (s * s + p * p).times(0.5)
 }
 
-/// What a ray does between two interfaces: the layers that [`walk`] and [`exact`] follow rays through.
+/// A layer between two interfaces; [`walk`] and [`exact`] follow rays through these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Medium {
     /// Air outside the leaf, or between mesophyll and antidermal wall.
@@ -174,7 +174,7 @@ pub enum Medium {
     Antidermal,
 }
 
-/// What the lobe of a ray depends on.
+/// The tissue that decides the lobe of a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tissue {
     /// The outer faces.
@@ -205,8 +205,8 @@ pub struct Interface {
     pub up_refracted: Option<Tissue>,
 }
 
-/// The six interfaces from the adaxial face to the abaxial one. What turns a ray inside the leaf depends only on where
-/// it goes, which [`walk`] and [`exact`] make use of.
+/// The six interfaces from the adaxial face to the abaxial one. Which tissue turns a ray inside the leaf depends only
+/// on where the ray goes; [`walk`] and [`exact`] make use of that.
 pub const INTERFACES: [Interface; 6] = {
     use Medium::{Air, Antidermal, Epidermis, Mesophyll};
     const E: Option<Tissue> = Some(Tissue::Epidermis);

@@ -1,5 +1,5 @@
-//! What a mesophyll absorbs, from what it contains: a = Σ ξ C over thickness, with ξ the specific absorption of each
-//! substance and C its content per leaf area.
+//! The absorption of a mesophyll, computed from its contents: a = Σ ξ C over thickness, where ξ is the specific
+//! absorption of each substance and C its content per leaf area.
 
 /// The substances, in the order of all arrays here.
 pub const SUBSTANCES: [&str; 5] = ["chlorophyll", "carotenoid", "protein", "cellulose_lignin", "water"];
@@ -9,7 +9,7 @@ pub const SUBSTANCES: [&str; 5] = ["chlorophyll", "carotenoid", "protein", "cell
 pub struct Contents {
     /// In the order of [`SUBSTANCES`].
     pub per_area: [f64; 5],
-    /// What the chlorophyll is multiplied by; veins have a tenth (B1).
+    /// Factor on the chlorophyll; veins have a tenth (B1).
     pub scale: f64,
 }
 
@@ -23,7 +23,7 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// What one unit of each content adds to absorption times thickness. A column of water of 1 g/cm² is 1 cm long.
+    /// How much one unit of each content adds to absorption times thickness. A column of water of 1 g/cm² is 1 cm long.
     pub fn per_content(&self) -> [f64; 5] {
         let [a, b, c, d, water] = self.specific;
         [a * 1e-6, b * 1e-6, c * 1e-6, d * 1e-6, water]

@@ -1,8 +1,8 @@
-//! One ray at a time through the [`INTERFACES`], step by step as B1 has it: plain and slow, for surfaces that rays of
-//! any direction meet one by one, and to judge the vector code of [`super::walk`] by.
+//! Follows one ray at a time through the [`INTERFACES`], step by step as B1 describes it. It is plain and slow. It
+//! serves surfaces that rays of any direction meet one by one, and it checks the vector code of [`super::walk`].
 //!
-//! A ray is not absorbed here. What it went through the mesophyll is counted instead, so that one ray serves all
-//! wavelengths at which the refractive indices are the same: a wavelength keeps exp(−absorption · crossings) of it.
+//! A ray is not absorbed here. Instead, its path through the mesophyll is counted, so that one ray serves all
+//! wavelengths with the same refractive indices: at a wavelength exp(−absorption · crossings) of it is left.
 
 use super::lobe;
 use super::{INTERFACES, Leaf, Medium, Tissue, fresnel};
@@ -13,15 +13,15 @@ use std::f64::consts::TAU;
 pub struct Exit {
     /// Unit vector; z points out of the upper side.
     pub direction: [f64; 3],
-    /// Thicknesses of the mesophyll that it went through.
+    /// Length of its path through the mesophyll, in thicknesses.
     pub crossings: f64,
 }
 
-/// Events after which a ray is given up: light that a clear layer has caught for ever.
+/// After this many events a ray is given up: it is light that a clear layer has caught for ever.
 const MOST_EVENTS: usize = 100_000;
 
-/// Follows a ray that arrives in the unit direction `from` (z < 0: onto the upper side), with uniform numbers in [0, 1)
-/// from `random`. `None`: it was given up.
+/// Follows a ray that arrives in the unit direction `from` (z < 0 means onto the upper side), with uniform numbers in
+/// [0, 1) from `random`. `None` where the ray was given up.
 pub fn follow(leaf: &Leaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> Option<Exit> {
     let mut d = from;
     let mut down = d[2] < 0.0;
@@ -103,7 +103,7 @@ pub fn turned(d: [f64; 3], ob: f64, random: &mut impl FnMut() -> f64) -> [f64; 3
             let length = (new[0] * new[0] + new[1] * new[1] + new[2] * new[2]).sqrt();
             return new.map(|v| v / length);
         }
-        // Exactly level light has no side: it stays where it is.
+        // Light exactly along the plane has no side, so its direction stays as it is.
         if d[2] == 0.0 {
             return d;
         }
@@ -116,7 +116,8 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// Beside the exact method, which shares Fresnel's formula alone; and where light goes, beside the vector code.
+    /// Compares R and T with the exact method, which shares only Fresnel's formula, and directions with the vector
+    /// code.
     #[test]
     fn single_rays_end_where_others_do() {
         let leaf = Leaf::soybean(0.5147);
@@ -142,7 +143,7 @@ mod tests {
             let want = exact::response(&leaf, side, at).unwrap();
             let error = 4.0 * squares.sqrt() / n;
             assert!((r / n - want.reflectance).abs() < error && (t / n - want.transmittance).abs() < error);
-            // The mean of sin θ along the plane of incidence, by the goniometer's patches.
+            // The mean of sin θ along the plane of incidence, from the goniometer's patches.
             let seen = walk::directions(&leaf, side, at, 200_000, 1, &|| false);
             let mut along = 0.0;
             for ring in 0..10 {
@@ -161,7 +162,7 @@ mod tests {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
         let mut random = || rng.random::<f64>();
         let leaf = Leaf::soybean(0.0);
-        // Level light is mirrored whole.
+        // Light along the plane is mirrored completely.
         let level = follow(&leaf, [1.0, 0.0, -0.0], &mut random).unwrap();
         assert_eq!(level.crossings, 0.0);
         let air = Leaf { n_cuticle: 1.0, n_mesophyll: 1.0, n_antidermal: 1.0, ..leaf };

@@ -1,26 +1,26 @@
-//! How much light a leaf of layers reflects and lets through, by either method: what `eval abm` prints a row.
+//! How much light a layered leaf reflects and lets through, by either method: one row of what `eval abm` prints.
 
 use super::{Leaf, Oblateness, Path, Side, exact, walk};
 
 /// How the shares are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// Random rays, 1 or more. Leaves differ in their noise, and a leaf has the same noise wherever it stands.
+    /// Random rays, at least 1. Different leaves have different noise, but a leaf has the same noise in every row.
     MonteCarlo {
         /// How many rays.
         rays: u64,
         /// Seed of the random numbers.
         seed: u64,
     },
-    /// The equation that the mean of all rays obeys: no noise, 2e-5.
+    /// The equation that the mean of all rays obeys. It has no noise; its error is below 2e-5.
     Exact,
 }
 
 /// Reflectance and transmittance, each with its standard error (0 with [`Method::Exact`]), for light that arrives
-/// `incidence` radians off the normal. Once `stop` says so no further rays are followed.
+/// `incidence` radians off the normal. When `stop` returns true, no further rays are followed.
 ///
 /// # Errors
-/// A sentence where the exact method does not settle.
+/// A sentence where the exact method does not converge.
 pub fn shares(
     leaf: &Leaf,
     side: Side,
@@ -40,13 +40,14 @@ pub fn shares(
     }
 }
 
-/// What the exact method answers where its nodes cannot follow the lobes.
+/// The sentence for cases where the exact method's nodes are too coarse for the lobes.
 pub fn unsettled() -> String {
     "the exact method does not settle to 2e-5 for lobes this narrow or indices this close; use --method monte-carlo"
         .into()
 }
 
-/// A seed for each case, so that cases differ in their noise and a case has the same wherever it stands.
+/// A seed for each case, so that different cases have different noise, and the same case has the same noise in every
+/// row.
 pub fn own_seed(seed: u64, leaf: &Leaf, side: Side, incidence: f64) -> u64 {
     let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
     let numbers =

@@ -18,7 +18,8 @@ fn exactly(leaf: &Leaf, side: Side, incidence: f64) -> Response {
     exact::response(leaf, side, incidence).unwrap()
 }
 
-/// The walk as the table of interfaces has it, a ray at a time in double precision: true for one that leaves upward.
+/// A plain random walk written from the table of interfaces, one ray at a time in double precision. Returns true for a
+/// ray that leaves upward.
 fn literal(leaf: &Leaf, side: Side, incidence: f64, rng: &mut Pcg64) -> Option<bool> {
     let index = |m: Medium| match m {
         Medium::Air => 1.0,
@@ -84,8 +85,8 @@ fn kinds() -> Vec<Leaf> {
     ]
 }
 
-/// One equation with three answers: random rays in vectors, random rays one at a time from the table, and no random
-/// number at all.
+/// Three methods must agree on one equation: random rays in vectors, random rays one at a time from the table, and the
+/// exact method without random numbers.
 #[test]
 fn rays_and_the_exact_method_agree() {
     for (k, leaf) in kinds().iter().enumerate() {
@@ -129,7 +130,7 @@ fn the_table_of_interfaces_says_what_the_exact_method_solves() {
     }
 }
 
-/// The same of many seeds: deviations are those of a normal distribution of the stated errors.
+/// The same for many seeds: deviations have a normal distribution with the stated errors.
 #[test]
 fn errors_of_rays_are_true() {
     let leaf = Leaf::soybean(0.5);
@@ -193,7 +194,7 @@ fn a_black_leaf_of_one_index_reflects_by_its_surface_alone() {
         let leaf = leaf([1.5, 1.5, 1.4], [5.0, 1.0, 5.0], 1e9);
         let r = exactly(&leaf, Side::Adaxial, incidence);
         assert!((r.reflectance - leaf.surface_reflectance(incidence)).abs() < 1e-9 && r.transmittance == 0.0);
-        // rings of light inside the epidermis add to it where the indices differ
+        // Light that circulates inside the epidermis adds to this where the indices differ.
         let soybean = Leaf::soybean(1e9);
         assert!(
             exactly(&soybean, Side::Adaxial, incidence).reflectance > soybean.surface_reflectance(incidence) + 1e-4
@@ -201,7 +202,7 @@ fn a_black_leaf_of_one_index_reflects_by_its_surface_alone() {
     }
 }
 
-/// Six smooth plates: two-flux sums of each interface, in closed form.
+/// Without lobes the leaf is six smooth plates, whose two-flux sums have a closed form.
 #[test]
 fn without_lobes_the_leaf_is_six_smooth_plates() {
     let leaf = leaf([1.6, 1.41, 1.42], [INF; 3], 0.4);
@@ -228,7 +229,7 @@ fn without_lobes_the_leaf_is_six_smooth_plates() {
     }
 }
 
-/// The resolution that is used beside one of twice the nodes, over indices, lobes, absorptions and angles.
+/// Compares the usual resolution with one of twice the nodes, over indices, lobes, absorptions and angles.
 #[test]
 fn the_usual_resolution_is_right_to_2e_5() {
     let fine = Resolution { order: 26, piece: 18, azimuth: 24 };
@@ -257,7 +258,7 @@ fn the_usual_resolution_is_right_to_2e_5() {
     println!("largest difference {worst:e}");
 }
 
-/// Narrow lobes of the epidermis on slant paths, light along the normal, as leaves are fitted.
+/// Narrow lobes of the epidermis on slant paths, with light along the normal: the case that leaves are fitted with.
 #[test]
 fn narrow_lobes_on_slant_paths_are_right_to_2e_5() {
     for (epidermis, depth, indices) in
@@ -313,12 +314,12 @@ fn derivatives_are_those_of_differences() {
     }
 }
 
-/// The ABM's lobes turn around the ray, which no reciprocal surface does: its two ways through differ. FSM's rule for
-/// direct light relies on them being equal.
+/// The ABM turns light around the ray, which no reciprocal surface does. So its transmittances from the two sides
+/// differ, although FSM's rule for direct light takes them to be equal.
 #[test]
 fn the_model_is_not_reciprocal() {
     let leaf = Leaf::soybean(0.0);
-    // Of a reciprocal leaf the light that comes through under diffuse light would be the same from both sides.
+    // Under diffuse light, a reciprocal leaf would transmit the same share from both sides.
     let diffuse = |side: Side| -> f64 {
         let rule = mesophyll_quadrature::unit(12);
         rule.iter().map(|(m, w)| 2.0 * w * m * exactly(&leaf, side, m.acos()).transmittance).sum()
@@ -357,7 +358,7 @@ fn the_goniometer_sees_where_light_goes() {
     };
     let (left, right) = (half(0..SECTORS / 2), half(SECTORS / 2..SECTORS));
     assert!((left - right).abs() < 4.5 * (left + right).sqrt());
-    // What a black leaf reflects goes where FSM's surface lobe sends it.
+    // The light that a black leaf reflects goes where FSM's surface lobe sends it.
     let black = Leaf { depth: 1e9, n_mesophyll: 1.6, ..leaf };
     let seen = walk::directions(&black, Side::Adaxial, incidence, 400_000, 3, &|| false);
     let surface = black.surface_reflectance(incidence);

@@ -1,8 +1,8 @@
-//! ρd and ρt of a slab over its thickness, interpolated: what the reference renderer asks for at every place that a ray
-//! meets. It is independent of the renderer's own table, so that the two can check each other.
+//! ρd and ρt of a slab, interpolated over its thickness. The reference renderer asks for them at every place that a ray
+//! meets. This code is independent of the renderer's own table, so the two can check each other.
 //!
-//! Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a
-//! slab's response is analytic in the thickness, so that a few dozen points reach rounding. Lengths in mm.
+//! It is barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2). A
+//! slab's response is analytic in the thickness, so a few dozen points are exact to rounding. Lengths in mm.
 
 use super::exact;
 use std::f64::consts::PI;
@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone)]
 pub struct Chebyshev {
     nodes: Vec<f64>,
-    /// ln ρd and ln ρt, a channel each, a node each.
+    /// ln ρd and ln ρt: for each node, one number a channel.
     values: Vec<[f64; 6]>,
 }
 
@@ -34,8 +34,8 @@ impl Chebyshev {
         Chebyshev { nodes, values }
     }
 
-    /// ρd and ρt (shares of the light, a channel each) at the thickness `h` (mm). A thickness beyond the ends is taken
-    /// for the end.
+    /// ρd and ρt (shares of the light, a channel each) at the thickness `h` (mm). A thickness outside the range takes
+    /// the nearest end of it.
     pub fn at(&self, h: f64) -> ([f64; 3], [f64; 3]) {
         let h = h.clamp(self.nodes[NODES - 1], self.nodes[0]);
         let (mut sum, mut weights) = ([0.0; 6], 0.0);

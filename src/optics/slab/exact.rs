@@ -1,13 +1,13 @@
-//! The slab to nine digits and more. Thin slabs are solved as an integral equation ([`thin`](super::thin)), all others
+//! The slab with nine digits or more. Thin slabs are solved as an integral equation ([`thin`](super::thin)), all others
 //! by discrete ordinates in closed form ([`ordinates`](super::ordinates)).
 //!
-//! The two methods share no formula. Between Δ = 1e-3 and 0.2 both apply; there they agree to better than 1e-9, and a
-//! test compares them.
+//! The two methods share no formula. Between optical thicknesses Δ = 1e-3 and 0.2 both are valid and agree to better
+//! than 1e-9; a test compares them.
 
 use super::{Response, ordinates, thin};
 use std::sync::OnceLock;
 
-/// Below this optical thickness the integral equation answers, above it the ordinates (both are good to 1e-10 here).
+/// Below this optical thickness the integral equation is used, above it the ordinates (here both are good to 1e-10).
 const THIN: f64 = 0.06;
 
 /// ρd and ρt at normal incidence; σ in 1/mm, thickness in mm. Inputs are finite and ≥ 0; otherwise NaN.
@@ -15,7 +15,7 @@ pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     response_at(1.0, sigma_a, sigma_s, thickness_mm)
 }
 
-/// The same for a collimated beam at cosine `mu0` (0 < mu0 ≤ 1) of unit flux through the horizontal.
+/// The same for a collimated beam at cosine `mu0` (0 < mu0 ≤ 1) that carries unit flux through a horizontal surface.
 pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     let sigma_t = sigma_a + sigma_s;
     if sigma_t == 0.0 {
@@ -24,8 +24,8 @@ pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> R
     solve_at(mu0, sigma_s / sigma_t, sigma_a / sigma_t, sigma_t * thickness_mm)
 }
 
-/// ρd and ρt at single-scattering albedo ω and optical thickness Δ, normal incidence. 1 − ω is given apart, so that it
-/// keeps its digits near 1.
+/// ρd and ρt at single-scattering albedo ω and optical thickness Δ, for normal incidence. 1 − ω is passed separately,
+/// so that it keeps its digits where ω is near 1.
 pub fn solve(omega: f64, one_minus_omega: f64, delta: f64) -> Response {
     solve_at(1.0, omega, one_minus_omega, delta)
 }
@@ -40,13 +40,13 @@ pub fn solve_at(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> Respo
     r
 }
 
-/// ρd and ln ρt: the logarithm stays finite where ρt itself underflows.
+/// ρd and ln ρt. The logarithm stays finite where ρt itself underflows.
 pub fn solve_log(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> (f64, f64) {
     Medium::new(omega, one_minus_omega).solve_log(mu0, delta)
 }
 
-/// One single-scattering albedo, for slabs of many thicknesses: the modes, most of the work, do not depend on the
-/// thickness and are found once.
+/// One single-scattering albedo, for slabs of many thicknesses. Finding the modes is most of the work; they do not
+/// depend on the thickness and are found once.
 pub struct Medium {
     omega: f64,
     one_minus_omega: f64,
@@ -54,7 +54,7 @@ pub struct Medium {
 }
 
 impl Medium {
-    /// `one_minus_omega` is given apart, so that it keeps its digits near ω = 1.
+    /// `one_minus_omega` is passed separately, so that it keeps its digits near ω = 1.
     pub fn new(omega: f64, one_minus_omega: f64) -> Medium {
         Medium { omega, one_minus_omega, modes: OnceLock::new() }
     }

@@ -1,17 +1,17 @@
 //! The paper's method: Siewert's F_N with shifted Legendre polynomials, as in LEAFMOD (Siewert 1978; Siewert & Benoist
-//! 1979; Ganapol et al. 1998), the order raised until two answers agree.
+//! 1979; Ganapol et al. 1998). The order is raised until two answers agree.
 //!
 //! The radiances that leave, A(μ) at the top and B(μ) at the bottom, are expanded as (ω/2) Σ a_α P_α(2μ−1). Case's
-//! orthogonality relations couple them at every ξ of the spectrum, ν₀ and (0, 1); collocation at ν₀ and the N Gauss
-//! points gives 2(N+1) equations. Limits: the expansion converges algebraically (the radiance is like μ ln μ at μ = 0),
-//! so six digits are what it is asked for.
+//! orthogonality relations couple them at every ξ of the spectrum, which consists of ν₀ and the interval (0, 1).
+//! Collocation at ν₀ and the N Gauss points gives 2(N+1) equations. The expansion converges only algebraically, because
+//! the radiance is like μ ln μ at μ = 0. So only six digits are asked of it.
 
 use super::Response;
 use super::quadrature::{gauss, shifted_legendre};
 
 /// Highest order tried.
 pub(crate) const MAX_ORDER: usize = 40;
-/// Nearer to ω = 1 than this, ν₀ is past what the collocation resolves and ω is taken as 1 − this.
+/// Where ω is nearer to 1 than this, the collocation cannot resolve ν₀, and ω is taken as 1 minus this.
 const CONSERVATIVE: f64 = 1e-11;
 
 /// An F_N answer and how well it settled.
@@ -25,8 +25,8 @@ pub struct Answer {
     pub change: f64,
 }
 
-/// Raises the order by two until ρd and ρt change by less than `tolerance`; the change of the best pair is returned
-/// either way.
+/// Raises the order by two until ρd and ρt change by less than `tolerance`. If that never happens, the pair of orders
+/// with the smallest change is returned.
 pub fn solve(omega: f64, one_minus_omega: f64, delta: f64, tolerance: f64) -> Answer {
     let mut best = Answer { response: at_order(omega, one_minus_omega, delta, 2), order: 2, change: f64::INFINITY };
     let mut before = best.response;
@@ -128,8 +128,8 @@ fn near_side(xi: f64, omega: f64, out: &mut [f64]) {
     }
 }
 
-/// (1/ξ) ∫₀¹ μ φ(−ξ, μ) P_α(2μ−1) dμ: the decreasing solution of its recurrence, downwards from the two moments that
-/// start it.
+/// (1/ξ) ∫₀¹ μ φ(−ξ, μ) P_α(2μ−1) dμ. It is the decreasing solution of its recurrence, computed downwards and scaled by
+/// the two moments that start it.
 fn far_side(xi: f64, omega: f64, out: &mut [f64]) {
     if xi > 0.5 {
         return quadrature_side(|mu| 0.5 * omega / (xi + mu), out);

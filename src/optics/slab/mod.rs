@@ -1,9 +1,10 @@
 //! The leaf's interior: LEAFMOD's slab (Ganapol et al. 1998; Wang et al. 2005 §3).
 //!
-//! A plane-parallel homogeneous slab, isotropic scattering, index-matched, lit by a collimated normal beam, black
-//! below: `[μ ∂/∂τ + 1] I = (ω/2) ∫ I dμ′`, I(0, μ) = δ(μ−1), I(Δ, −μ) = 0, with σt = σa + σs, ω = σs/σt, Δ = σt h. ρd
-//! and ρt are the reflected and transmitted fractions of the flux (ρt with the unscattered e^(−Δ)). Units: σ in 1/mm,
-//! thickness in mm. Any ω in [0, 1], any Δ ≥ 0.
+//! The slab is plane-parallel and homogeneous, scatters isotropically, has the index of its surroundings, is lit by a
+//! collimated normal beam, and has a black ground below. With σt = σa + σs, single-scattering albedo ω = σs/σt and
+//! optical thickness Δ = σt h, h being the thickness, the radiance I obeys `[μ ∂/∂τ + 1] I = (ω/2) ∫ I dμ′`, I(0, μ) =
+//! δ(μ−1), I(Δ, −μ) = 0. ρd and ρt are the reflected and transmitted fractions of the flux; ρt includes the unscattered
+//! e^(−Δ). Units: σ in 1/mm, thickness in mm. Any ω in [0, 1] and any Δ ≥ 0 are allowed.
 //!
 //! Three ways lead from σ to ρ: [`response`] is fast (relative error 1e-6), [`exact`] gives nine digits, and
 //! [`fn_method`] is the paper's own method. [`inverse`] leads from ρ back to σ.
@@ -53,7 +54,7 @@ impl Response {
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     let mut r = response_with_partials(sigma_a, sigma_s, thickness_mm).0;
     let depth = (sigma_a + sigma_s) * thickness_mm;
-    // Where next to nothing comes through, the table's digits go: what meets nothing passes all the same.
+    // Where almost nothing comes through, the table loses its digits; but ρt is at least the light that meets nothing.
     if depth > 60.0 {
         r.rho_t = r.rho_t.max((-depth).exp());
     }
@@ -92,8 +93,8 @@ pub fn response_with_partials(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> 
     (at, partials)
 }
 
-/// ρd and ρt at single-scattering albedo ω (1 − ω given apart) and optical thickness Δ > 0, with the derivatives by 1−ω
-/// and by Δ.
+/// ρd and ρt at single-scattering albedo ω (1 − ω is passed separately) and optical thickness Δ > 0, with the
+/// derivatives by 1−ω and by Δ.
 pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (Response, [Response; 2]) {
     if !(table::DELTA_MIN..=table::DELTA_MAX).contains(&delta) {
         return beyond_table(omega, one_minus_omega, delta);
@@ -116,14 +117,14 @@ pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (Response, [Resp
 }
 
 impl Response {
-    /// What is not reflected is transmitted: the smaller of the two keeps its relative accuracy.
+    /// Light that is not reflected is transmitted. The smaller of the two keeps its relative accuracy.
     pub(crate) fn conserve(&mut self) {
         if self.rho_d < self.rho_t { self.rho_t = 1.0 - self.rho_d } else { self.rho_d = 1.0 - self.rho_t }
     }
 }
 
-/// Thinner than the table its series, thicker the exact solution with central differences (smooth there, and rarely
-/// needed).
+/// Slabs thinner than the table's range use a series expansion. Thicker ones use the exact solution with central
+/// differences; it is smooth there, and rarely needed.
 fn beyond_table(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
     if delta < table::DELTA_MIN {
         return table::thin_series(omega, absorbed, delta);

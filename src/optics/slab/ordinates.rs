@@ -1,26 +1,27 @@
 //! The slab by discrete ordinates, solved in closed form mode by mode.
 //!
-//! The isotropic kernel makes the eigenproblem a rank-one change of a diagonal (one secular equation), and the matrix
-//! of a single boundary a Cauchy matrix, whose inverse is known as products. What is left is a small system that
-//! couples the two boundaries through the modes that survive the crossing. No growing exponential is ever formed, ω = 1
-//! (two modes merge) is an ordinary point, and a deep transmittance keeps its relative accuracy.
+//! The kernel is isotropic. So the eigenproblem is a rank-one change of a diagonal (one secular equation), and the
+//! matrix of a single boundary is a Cauchy matrix, whose inverse is known as products. There remains a small system
+//! that couples the two boundaries through the modes that survive the crossing. No growing exponential is ever formed,
+//! ω = 1 (where two modes merge) is an ordinary point, and the transmittance of a thick slab keeps its relative
+//! accuracy.
 //!
-//! Ordinates: Gauss–Legendre in s, μ = 1 − (1 − s³)², which crowds nodes at μ = 0 (the radiance is like μ ln μ there)
-//! and at μ = 1 (the Case pole 1/ν₀ comes close when ω is small).
+//! The ordinates are Gauss–Legendre in s with μ = 1 − (1 − s³)². This concentrates nodes at μ = 0 (the radiance is like
+//! μ ln μ there) and at μ = 1 (the Case pole 1/ν₀ comes close when ω is small).
 
 use super::quadrature::gauss;
 use std::sync::OnceLock;
 
-/// Ordinates a hemisphere that [`modes`] takes.
+/// Number of ordinates in a hemisphere that [`modes`] uses.
 pub const N: usize = 40;
-/// Modes weaker than e^−CUT after the crossing do not couple the boundaries.
+/// Modes that are weaker than e^−CUT after the crossing do not couple the boundaries.
 const CUT: f64 = 42.0;
 
 struct Ordinates<const N: usize> {
-    /// descending, so that the poles 1/μ² ascend
+    /// In descending order, so that the poles 1/μ² ascend.
     mu: [f64; N],
     w: [f64; N],
-    /// 1 − μ_i²/μ_j², free of cancellation: `gap[j][i]`
+    /// 1 − μ_i²/μ_j², computed without cancellation: `gap[j][i]`.
     gap: [[f64; N]; N],
     mean_square: f64,
 }
@@ -53,7 +54,7 @@ impl<const N: usize> Ordinates<N> {
 
 /// The modes e^(−kτ) of one single-scattering albedo, and the coefficients of one boundary.
 pub struct Modes<const N: usize> {
-    /// ascending; k[0] may be 0
+    /// In ascending order; k[0] may be 0.
     k: [f64; N],
     /// Π_i(1−k_αμ_i) / Π_{β≠α,0}(1−k_α/k_β): the half space's amplitudes, without the factor of mode 0
     a: [f64; N],
@@ -64,7 +65,7 @@ pub struct Modes<const N: usize> {
 }
 
 impl<const N: usize> Modes<N> {
-    /// Modes of albedo `omega` > 0; `absorbed` = 1 − omega, given apart so that it keeps its digits.
+    /// Modes of albedo `omega` > 0. `absorbed` = 1 − omega is passed separately so that it keeps its digits.
     fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> Modes<N> {
         // d[α][i] = 1 − k_α²μ_i²
         let mut d = [[0.0; N]; N];
@@ -123,7 +124,7 @@ impl<const N: usize> Modes<N> {
         if i == 0 { self.a[0] } else { self.a[i] * self.k[0] / (self.k[0] - self.k[i]) }
     }
 
-    /// Coupling of the boundaries M_αβ without its e^(−k_βΔ); column 0 is divided by k₀.
+    /// Coupling M_αβ of the boundaries without its factor e^(−k_βΔ). Column 0 is divided by k₀.
     fn coupling(&self, i: usize, j: usize) -> f64 {
         let k = &self.k;
         match (i, j) {
@@ -143,13 +144,15 @@ impl<const N: usize> Modes<N> {
         }
     }
 
-    /// Modes that couple the boundaries: what they carry across is not negligible beside e^(−slow Δ).
+    /// How many modes couple the boundaries: those whose light at the other side is not negligible compared with
+    /// e^(−slow Δ).
     fn active(&self, delta: f64, slow: f64) -> usize {
         (0..N).take_while(|&i| i == 0 || (self.k[i] - slow) * delta < CUT).count()
     }
 
-    /// The far boundary is a small correction: A = A₀ − M B, B = −M A, by iteration. What crosses the slab carries the
-    /// factor e^(−slow Δ), which is kept apart, so that the transmittance may underflow and its logarithm does not.
+    /// The far boundary is a small correction, so A = A₀ − M B and B = −M A are solved by iteration. What crosses the
+    /// slab has the factor e^(−slow Δ), which is kept separately. So the transmittance may underflow while its
+    /// logarithm does not.
     fn far_boundaries(&self, delta: f64, c: f64) -> (f64, f64) {
         let slow = self.k[0].min(c);
         let active = self.active(delta, slow);
@@ -186,8 +189,8 @@ impl<const N: usize> Modes<N> {
         (rho_d, crossed.ln() - slow * delta)
     }
 
-    /// Even and odd parts, (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀; the odd amplitude of mode 0 is x/k₀, so that k₀ = 0 is
-    /// an ordinary point.
+    /// Solves for even and odd parts, (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀. The odd amplitude of mode 0 is x/k₀, so that
+    /// k₀ = 0 is an ordinary point.
     fn near_boundaries(&self, delta: f64, c: f64) -> (f64, f64) {
         let active = self.active(delta, 0.0);
         let k0 = self.k[0];
@@ -246,7 +249,7 @@ fn far_exit(k: f64, delta: f64, c: f64, slow: f64) -> f64 {
     if gap * delta < 1e-300 { c * delta * decay } else { -c * decay * (-gap * delta).exp_m1() / gap }
 }
 
-/// (near − far)/k for the mode that may have k = 0.
+/// (near − far)/k for the mode whose k may be 0.
 fn odd_exit(k: f64, delta: f64, c: f64) -> f64 {
     if k > 0.5 * c.min(1.0) {
         return (near_exit(k, delta, c) - far_exit(k, delta, c, 0.0)) / k;
@@ -284,7 +287,8 @@ fn first_root<const N: usize>(o: &Ordinates<N>, omega: f64, absorbed: f64) -> (f
         (f, slope)
     };
     if excess(0.5 * p).0 >= 0.0 {
-        // Convex and increasing; 1/⟨μ²⟩ · loss lies right of the root, so Newton's method comes down to it.
+        // The function is convex and increasing, and 1/⟨μ²⟩ · loss lies to the right of the root, so Newton's method
+        // descends to it.
         let mut x = (loss / o.mean_square).min(0.5 * p);
         for _ in 0..60 {
             let (f, slope) = excess(x);
@@ -389,12 +393,13 @@ fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
     v
 }
 
-/// The modes of albedo ω, 1 − ω given apart.
+/// The modes of albedo ω; 1 − ω is passed separately.
 pub(crate) fn modes(omega: f64, absorbed: f64) -> Modes<N> {
     Modes::new(ordinates(), omega, absorbed)
 }
 
-/// A solver with `K` ordinates a hemisphere, for the sweep of their number: takes (ω, 1 − ω, Δ), beam along the normal.
+/// A solver with `K` ordinates in a hemisphere, for the sweep over their number. It takes (ω, 1 − ω, Δ), with the beam
+/// along the normal.
 pub fn with_ordinates<const K: usize>() -> impl Fn(f64, f64, f64) -> (f64, f64) {
     let o: Box<Ordinates<K>> = Ordinates::new();
     move |omega, absorbed, delta| Modes::new(&o, omega, absorbed).response(delta, 1.0)

@@ -3,7 +3,7 @@
 /// One node and its weight.
 #[derive(Debug, Clone, Copy)]
 pub struct Node {
-    /// Where it is.
+    /// Place of the node.
     pub x: f64,
     /// Its weight.
     pub w: f64,

@@ -1,20 +1,20 @@
-//! The fast slab: piecewise polynomials made from [`super::exact`], read from a committed table of some tens of
+//! The fast slab: piecewise polynomials fitted to [`super::exact`], read from a committed table of some tens of
 //! kilobytes.
 //!
-//! The coordinates follow the scales of the physics, so that few patches suffice: q = ln Δ, and ξ in [0, 1],
-//! ξ = ln(1 + (1−ω) D²/…) / ln(1 + D²/…) with D = Δ + 1.42 (the slab with its two extrapolated distances): in ω the
-//! slab's only singularities are poles on ω ≥ 1 + (π/D)²/3, which the logarithm sends away. Stored are G₁ = ρd / (ω
-//! h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ. Slabs thinner than the table's range use a series in Δ ln Δ; thicker ones
-//! use the exact solution.
+//! The coordinates follow the scales of the physics, so that few patches are enough: q = ln Δ, and ξ = ln(1 + (1−ω)
+//! D²/…) / ln(1 + D²/…) in [0, 1], where D = Δ + 1.42 is the slab with its two extrapolated distances. As functions of
+//! ω, the slab's only singularities are poles on ω ≥ 1 + (π/D)²/3, and the logarithm moves them far away. The table
+//! stores G₁ = ρd / (ω h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ. Slabs thinner than the table's range use a series in Δ
+//! ln Δ; thicker ones use the exact solution.
 
 use super::Response;
 use std::sync::OnceLock;
 
-/// Polynomial coefficients a direction.
+/// Number of polynomial coefficients in each direction.
 pub(crate) const ORDER: usize = 10;
-/// Numbers in one power of ξ.
+/// How many numbers there are for one power of ξ.
 const WIDTH: usize = 2 * ORDER;
-/// Optical thickness covered.
+/// Range of optical thickness that the table covers.
 pub(crate) const DELTA_MIN: f64 = 1e-6;
 pub(crate) const DELTA_MAX: f64 = 274_877.906_944;
 const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
@@ -39,14 +39,14 @@ struct Patch {
     centre: [f64; 2],
     /// 1 / half width
     inverse: [f64; 2],
-    /// powers of the local ξ run slowest, then those of the local q, then G₁ and G₂
+    /// Powers of the local ξ change slowest, then those of the local q, then G₁ and G₂.
     coefficients: Vec<[f64; WIDTH]>,
 }
 
 /// Patches in rows of q, a row's patches ordered by ξ.
 pub struct Table {
     rows: Vec<Row>,
-    /// lowest q, cells of q to a unit, and the row of each cell: every row is a whole number of cells
+    /// Lowest q, number of cells in a unit of q, and the row of each cell. Every row covers a whole number of cells.
     lowest: f64,
     density: f64,
     row_of_cell: Vec<u16>,
@@ -110,8 +110,8 @@ impl Table {
         }
     }
 
-    /// A table of its own over Δ from `delta[0]` to `delta[1]`, its largest error about `tolerance`: for the sweep of
-    /// table sizes.
+    /// A new table over Δ from `delta[0]` to `delta[1]` whose largest error is about `tolerance`. It serves the sweep
+    /// over table sizes.
     pub fn made(delta: [f64; 2], tolerance: f64) -> Table {
         Table::read(&build::bytes_over(delta, tolerance, |_| {}))
     }
@@ -183,7 +183,7 @@ impl Patch {
         self.horner::<true>(x, y)
     }
 
-    /// Horner in x over vectors of y powers, then in y. `FUSED` asks for fused multiply-adds, which only some
+    /// Horner's scheme in x over vectors of y powers, then in y. `FUSED` uses fused multiply-adds, which only some
     /// processors have.
     #[inline(always)]
     fn horner<const FUSED: bool>(&self, x: f64, y: f64) -> Local {
@@ -211,10 +211,11 @@ impl Patch {
 /// G₁, G₂ and their derivatives by the local ξ and q.
 type Local = ([f64; 2], [f64; 2], [f64; 2]);
 
-/// Thinner than the table: the first two terms in Δ, ln Δ (relative error below 3e-10), with derivatives by 1−ω and Δ.
+/// For slabs thinner than the table's range: the first two terms in Δ and ln Δ (relative error below 3e-10), with
+/// derivatives by 1−ω and Δ.
 pub(crate) fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
     let log = if delta > 0.0 { delta.ln() } else { 0.0 };
-    // ρ = (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁(|t−s|) dt ds; both sides alike at this order
+    // ρ = (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁(|t−s|) dt ds; to this order both sides give the same.
     let once = delta * (1.0 + 0.5 * delta * (log + EULER_GAMMA - 2.5));
     let once_by = 1.0 + delta * (log + EULER_GAMMA - 2.0);
     let twice = delta * delta * (1.5 - EULER_GAMMA - log);
@@ -245,7 +246,7 @@ pub mod build {
 
     /// Rows of equal width in ln Δ.
     const ROWS: usize = 19;
-    /// Check points a direction: the nodes of the interpolation, and as many between them.
+    /// Check points in each direction: the nodes of the interpolation, and as many between them.
     const CHECKS: usize = ORDER;
     /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below
     /// this.
@@ -312,7 +313,7 @@ pub mod build {
                     let xi = 0.5 * (low[1] + high[1]) + 0.5 * (high[1] - low[1]) * x;
                     let (got, want) = (patch.evaluate(x, y).0, truth(q, xi.min(1.0 - 1e-12)));
                     let delta = q.exp();
-                    // Below e^−72 (about 5e-32) the transmittance needs no more than its order of magnitude.
+                    // Below e^−72 (about 5e-32) only the order of magnitude of the transmittance matters.
                     let deep = if want[1] * delta > 72.0 { 1e-5 } else { 1.0 };
                     let error = (got[0] / want[0] - 1.0).abs().max((got[1] - want[1]).abs() * delta.max(1e-3) * deep);
                     worst[direction] = error.max(worst[direction]);
@@ -322,7 +323,7 @@ pub mod build {
         worst
     }
 
-    /// The patches of one row and their largest error; nothing where the row is too wide.
+    /// The patches of one row and their largest error; `None` where the row is too wide.
     fn row(q0: f64, q1: f64, tolerance: f64) -> Option<(Vec<(f64, Patch)>, f64)> {
         let mut done = Vec::new();
         let mut todo = vec![(0.0, 1.0)];
@@ -345,15 +346,15 @@ pub mod build {
         Some((done, largest))
     }
 
-    /// The committed table's bytes; `say` hears of each row.
+    /// The bytes of the committed table; `say` is called with a line for each row.
     pub fn bytes(say: impl FnMut(String)) -> Vec<u8> {
         bytes_over([DELTA_MIN, DELTA_MAX], TOLERANCE, say)
     }
 
-    /// A table's bytes over a range of Δ, to a tolerance.
+    /// The bytes of a table over a range of Δ, made to a tolerance.
     pub(crate) fn bytes_over(delta: [f64; 2], tolerance: f64, mut say: impl FnMut(String)) -> Vec<u8> {
         let [bottom, top] = delta.map(f64::ln);
-        // As wide as the committed table's; a loose tolerance takes wider ones.
+        // Rows are as wide as the committed table's; a loose tolerance allows wider ones.
         let widest = (DELTA_MAX / DELTA_MIN).ln() / ROWS as f64 * if tolerance > 1e-7 { 2.0 } else { 1.0 };
         let count = ((top - bottom) / widest).round().max(1.0) as usize;
         let mut todo: Vec<(f64, f64)> = (0..count)

@@ -1,4 +1,5 @@
-//! The slab against independent computations: the other derivation, closed forms, Monte Carlo, finite differences.
+//! The slab is compared with independent computations: the other derivation, closed forms, Monte Carlo, finite
+//! differences.
 
 use super::*;
 use rand::{RngExt, SeedableRng};
@@ -9,7 +10,7 @@ fn log_uniform(rng: &mut Pcg64Mcg, low: f64, high: f64) -> f64 {
     (low.ln() + (high / low).ln() * rng.random::<f64>()).exp()
 }
 
-/// ω and 1−ω: half the draws crowd at ω = 1, half at 0.
+/// ω and 1−ω: half of the draws lie near ω = 1, half near 0.
 fn albedo(rng: &mut Pcg64Mcg) -> (f64, f64) {
     let small = log_uniform(rng, 1e-9, 1.0);
     if rng.random::<f64>() < 0.5 { (small, 1.0 - small) } else { (1.0 - small, small) }
@@ -78,7 +79,7 @@ fn conservative_slab_tends_to_the_milne_problem() {
 
 #[test]
 fn monte_carlo_agrees() {
-    // Analogue photons, nothing shared with the deterministic methods.
+    // Analog photons, which share nothing with the deterministic methods.
     let mut rng = Pcg64Mcg::seed_from_u64(7);
     for (omega, delta) in [(0.9, 1.0), (0.5, 0.3), (1.0, 4.0)] {
         let photons = 60_000;
@@ -181,7 +182,8 @@ fn partials_agree_with_differences_of_the_exact_solution() {
         let relative = |x: f64, f: &dyn Fn(f64) -> Response, got: Response| {
             let e = 1e-4 / delta.max(1.0);
             let (lo, hi) = (f(x * (1.0 - e)), f(x * (1.0 + e)));
-            // as change per relative change of the parameter, beside the size of the response
+            // The error is taken as a change for each relative change of the parameter, relative to the size of the
+            // response.
             for (got, lo, hi, size) in
                 [(got.rho_d, lo.rho_d, hi.rho_d, r.rho_d), (got.rho_t, lo.rho_t, hi.rho_t, r.rho_t)]
             {

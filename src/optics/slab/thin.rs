@@ -1,9 +1,9 @@
 //! The slab as an integral equation, for thin slabs (Δ ≤ about 1).
 //!
-//! With the isotropic unit radiance on the top side (reciprocity turns the beam's hemispherical fluxes into the
-//! radiance that leaves along the beam) the source function obeys S(τ) = (ω/2) E₂(τ) + (ω/2) ∫₀^Δ E₁(|τ−t|) S(t) dt. A
-//! Galerkin projection on shifted Legendre polynomials is quadratically convergent in ρd and ρt, and loses no digits as
-//! Δ → 0.
+//! By reciprocity, the fluxes that a beam sends into the hemispheres equal the radiance that leaves along the beam
+//! under isotropic unit radiance on the top side. With this light the source function obeys S(τ) = (ω/2) E₂(τ) + (ω/2)
+//! ∫₀^Δ E₁(|τ−t|) S(t) dt. A Galerkin projection on shifted Legendre polynomials converges quadratically in ρd and ρt,
+//! and loses no digits as Δ → 0.
 
 use super::Response;
 use super::expint::{e1, e2};
@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 /// Polynomials in the expansion of S.
 const ORDER: usize = 14;
-/// Quadrature points; the map r = u⁴ flattens the logarithm of E₁ at r = 0.
+/// Number of quadrature points. The map r = u⁴ removes the logarithm of E₁ at r = 0.
 const POINTS: usize = 40;
 
 struct Basis {
@@ -80,7 +80,7 @@ pub fn solve(omega: f64, delta: f64, mu0: f64) -> Response {
             m[j][i] = m[i][j];
         }
     }
-    // Symmetric positive definite (the operator's norm is below 1): elimination needs no pivots.
+    // The matrix is symmetric and positive definite (the operator's norm is below 1), so elimination needs no pivots.
     for k in 0..ORDER {
         for i in k + 1..ORDER {
             let f = m[i][k] / m[k][k];

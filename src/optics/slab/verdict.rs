@@ -1,4 +1,4 @@
-//! ρd and ρt from ω and Δ by a named method, with a word on inputs that make no slab: what `eval slab` prints a row.
+//! ρd and ρt from ω and Δ by a named method, and whether the inputs make a slab: one row of what `eval slab` prints.
 
 use super::{Response, exact, fn_method};
 use mesophyll_error::Status;
@@ -28,17 +28,17 @@ pub enum Method {
     Fn,
 }
 
-/// F_N orders are raised until ρd and ρt change by less than this; an answer that never settles to 1e-3 is not called
+/// F_N orders are raised until ρd and ρt change by less than this. An answer that does not settle to 1e-3 is not called
 /// ok.
 const FN_TOLERANCE: f64 = 1e-6;
 const FN_SETTLED: f64 = 1e-3;
 
-/// Smaller numbers than this are stored with fewer digits than an answer promises.
+/// Numbers smaller than this are stored with fewer digits than an answer promises.
 const SMALLEST: f64 = 1e-300;
 
 /// ρd and ρt of a slab of single-scattering albedo `omega` (0 to 1) and optical thickness `delta` ≥ 0, for a beam of
-/// cosine `mu0` ([`Method::Exact`] only), and how they ended. `one_minus_omega` is NaN where ω alone is known; near
-/// ω = 1 it carries the digits. The shares are NaN where the status is [`Status::Refused`].
+/// cosine `mu0` ([`Method::Exact`] only), and the status. `one_minus_omega` is NaN where only ω is known; near ω = 1 it
+/// carries the digits. ρd and ρt are NaN where the status is [`Status::Refused`].
 pub fn evaluate(method: Method, mu0: f64, omega: f64, delta: f64, one_minus_omega: f64) -> (Response, Status) {
     let refused = |why: String| (Response { rho_d: f64::NAN, rho_t: f64::NAN }, Status::Refused(why));
     if !(0.0..=1.0).contains(&omega) {

@@ -1,15 +1,17 @@
-//! One thin tube seen from a texel: an arc of a great circle, parametrised by the tangent of half the angle from the
-//! point where the lobe peaks.
+//! One thin tube seen from a texel: an arc of a great circle. Its parameter t = tan(ψ/2) is the tangent of half the
+//! angle ψ from the point where the lobe peaks.
 //!
-//! With t = tan(ψ/2), half vectors turn by ψ/2, so tan²α is (nearly) a parabola in t and a Beckmann lobe a bell in t,
-//! however wide; and E = 1 + l·c, M = n·l + n·c, q = cosφ become quadratic polynomials over (1 + t²), which cancels:
+//! Half vectors turn by ψ/2, so tan²α (α is the angle between half vector and normal) is nearly a parabola in t, and a
+//! Beckmann lobe is nearly a bell in t, however wide it is. With light direction l, camera direction c, normal n and
+//! latitude φ along the tube, E = 1 + l·c, M = n·l + n·c and q = cosφ are quadratic polynomials over (1 + t²), and that
+//! divisor cancels:
 //!
 //! ```text
 //! S = scale/(2B) ∫ D dsinφ = scale/(2B) · 1/(π m²) ∫ 8 E² q/M⁴ · K(τ) dt,   τ = tan²α = 2 (1 + t²) E/M² − 1
 //! K = exp(−τ/m²) (Beckmann), (1 + τ/m²)⁻² (GGX);   D = scale · (2/π) ∫ (n·l) cosφ dφ;   B = n·c
 //! ```
 //!
-//! which is the thin-tube integral of G3 and W §3 for any normal and any camera.
+//! This is the thin-tube integral of G3 and W §3 for any normal and any camera.
 
 use crate::gloss::{Lobe, dot, fresnel};
 use mesophyll_quadrature::symmetric;
@@ -18,13 +20,13 @@ use std::f64::consts::PI;
 /// A thin tube from a texel, in the pass's frame (travel, tube, up).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Arc {
-    /// Direction to the tube's nearest point: (sin, 0, cos).
+    /// Sine of the direction to the tube's nearest point, which is (sin, 0, cos).
     pub sin: f64,
-    /// Upward part of that direction.
+    /// Cosine of that direction: its upward part.
     pub cos: f64,
-    /// Tangents of the angles at which the tube ends, seen from that direction.
+    /// Tangents of the angles from that direction to the ends of the tube.
     pub ends: [f64; 2],
-    /// Height over distance, times the share of the radius average.
+    /// Height over distance, times the weight of this arc in the average over the tube's radius.
     pub scale: f64,
 }
 
@@ -61,13 +63,14 @@ impl Sums {
 pub struct Rule {
     /// Gauss–Legendre on [−1, 1], for a lobe that the tube's ends cut.
     pub gauss: Vec<(f64, f64)>,
-    /// Trapezoid for a bell that fits between them: nodes k·step, |k| ≤ `bell`; widths of the bell e^(−x²).
+    /// Number of nodes of the trapezoid rule for a bell that fits between the ends: nodes k·step with |k| ≤ `bell`, in
+    /// widths of the bell e^(−x²).
     pub bell: i32,
     /// Distance of the trapezoid's nodes, in widths of the bell.
     pub step: f64,
 }
 
-/// Gaussian tail left out beyond this many widths: e^(−4.2²) = 2e-8.
+/// The Gaussian tail beyond this many widths is left out: e^(−4.2²) = 2e-8.
 const TAIL: f64 = 4.2;
 
 impl Rule {
@@ -101,7 +104,7 @@ impl Arc {
         out
     }
 
-    /// The part of the tube above the texel's horizon, as tangents; `None` where nothing is.
+    /// The ends of the part of the tube above the texel's horizon, as tangents; `None` where nothing is above it.
     fn visible(&self, a1: f64, n_along: f64) -> Option<[f64; 2]> {
         let [mut lo, mut hi] = self.ends;
         if n_along.abs() < 1e-300 {
@@ -116,7 +119,8 @@ impl Arc {
         (lo < hi).then_some([lo, hi])
     }
 
-    /// Where the horizon cuts the tube, the cut moves with the normal: ∂S/∂n gains the integrand there.
+    /// Where the horizon cuts the tube, the cut moves with the normal. So ∂S/∂n gets a term with the integrand at the
+    /// cut.
     fn horizon(&self, lobe: Lobe, n: [f64; 3], c: [f64; 3], m: f64, ends: [f64; 2], out: &mut Sums) {
         for (k, sign) in [(0, -1.0), (1, 1.0)] {
             if ends[k] == self.ends[k] {
@@ -139,7 +143,7 @@ impl Arc {
 
 /// The arc turned so that t = 0 lies where tan²α is least, and the polynomials in t.
 struct Bow {
-    /// Directions at t = 0 and a quarter turn on.
+    /// Directions at t = 0 and a quarter turn further.
     p1: [f64; 3],
     p2: [f64; 3],
     camera: [f64; 3],
@@ -158,7 +162,8 @@ struct Bow {
 impl Bow {
     fn new(arc: &Arc, n: [f64; 3], c: [f64; 3], b: f64, [s, q]: [[f64; 2]; 2], phi: [f64; 2]) -> Bow {
         let (a1, c1) = (n[0] * arc.sin + n[2] * arc.cos, c[0] * arc.sin + c[2] * arc.cos);
-        // Mirror direction 2 (n·c) n − c projected on the arc's plane, then Newton steps on d tan²α/dφ = 0.
+        // Starts at the mirror direction 2 (n·c) n − c, projected on the arc's plane, and takes Newton steps on d
+        // tan²α/dφ = 0.
         let mut peak = (2.0 * b * n[1] - c[1]).atan2(2.0 * b * a1 - c1).clamp(phi[0], phi[1]);
         let (mut tau, mut bend, mut slope) = (0.0, 0.0, 0.0);
         for step in 0..3 {
@@ -247,7 +252,7 @@ impl Bow {
         }
     }
 
-    /// Where a Beckmann lobe is worth looking at: tan²α − its least value below `TAIL`² m².
+    /// The range of t that matters for a Beckmann lobe: there tan²α exceeds its smallest value by less than `TAIL`² m².
     fn window(&self, m: f64) -> [f64; 2] {
         // From d tan²α/dφ = slope and its bend: slope·φ + bend·φ² = TAIL² m² on either side, φ = 2 atan t ≥ 2 t − …
         let (reach, slope) = (TAIL * TAIL * m * m, self.slope);
@@ -307,7 +312,7 @@ impl Bow {
         sums.x[2] += x * t2;
     }
 
-    /// Where the V-cavity G has a kink between `ends`, ascending.
+    /// The places between `ends` where the V-cavity factor G has a kink, in ascending order.
     fn kinks(&self, ends: [f64; 2]) -> Vec<f64> {
         const CELLS: usize = 16;
         let branch = |t: f64| {
@@ -330,7 +335,7 @@ impl Bow {
             let now = branch(at(k));
             if now != before {
                 let (mut lo, mut hi) = (at(k - 1), at(k));
-                // The integrand is continuous at a kink: an error of its place enters squared.
+                // The integrand is continuous at a kink, so an error of the kink's place enters squared.
                 for _ in 0..16 {
                     let mid = 0.5 * (lo + hi);
                     if branch(mid) == before { lo = mid } else { hi = mid }

@@ -1,16 +1,17 @@
-//! A texel under a linear light source (G3; W §3): a tube of uniform radiance moving over the blade, seen by a fixed
-//! orthographic camera.
+//! A texel under a linear light source (G3; W §3): a tube of uniform radiance moves over the blade, and a fixed
+//! orthographic camera looks on.
 //!
-//! Lengths in mm, angles in radians, z out of the blade. Pass x has the tube parallel to y moving along x, pass y the
-//! other way round; the camera stays. A value of 1 is a white texel facing up under an infinite tube at u = 0, so a
-//! trace is `ρd·D + ρs·S` with both D and S known from the geometry, the normal and the slope m.
+//! Lengths in mm, angles in radians, z out of the blade. In pass x the tube is parallel to y and moves along x; in pass
+//! y it is the other way round. The camera stays. A value of 1 is a white texel facing up under an infinite tube at u =
+//! 0, where u is the tube's position over its height. So a trace is `ρd·D + ρs·S`, where D and S are known from the
+//! geometry, the normal and the slope m.
 //!
-//! **The tube's radius.** Seen from a texel, a cylinder of uniform radiance fills the angles θ ± asin(a/R) of the plane
-//! of travel evenly, and the flux of an infinite one is exactly that of a thin one. So the thin tube's integrand is
-//! averaged over that range of angles (few Gauss nodes). By the capture's convention the lit length ends under the
-//! angles of the axis' ends. Its caps are not seen.
+//! **The tube's radius.** Seen from a texel, a cylinder of radius a at distance R and of uniform radiance fills the
+//! angles θ ± asin(a/R) of the plane of travel evenly, and the flux of an infinite one is exactly that of a thin one.
+//! So the thin tube's integrand is averaged over that range of angles (few Gauss nodes). By the capture's convention,
+//! the lit length ends at the angles at which the ends of the axis are seen. The tube's end caps are not seen.
 //!
-//! **Limits.** The texel is a point, nothing shadows it, interreflection and the camera's footprint are left out.
+//! **Limits.** The texel is a point and nothing shadows it. Interreflection and the camera's footprint are left out.
 
 pub mod arc;
 pub mod fast;
@@ -50,11 +51,11 @@ impl Travel {
     }
 }
 
-/// Accuracy: nodes along half the tube and across its radius. `Precision::default()` stays within 1e-5 of the peak for
-/// m .02–.9, Cook–Torrance within 2e-4 where masking sets in.
+/// Accuracy: the numbers of nodes along half the tube and across its radius. `Precision::default()` stays within 1e-5
+/// of the peak for m from .02 to .9; Cook–Torrance stays within 2e-4 where masking sets in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Precision {
-    /// Gauss–Legendre nodes on the part of the tube that lights the lobe; twice as many without symmetry.
+    /// Gauss–Legendre nodes on the part of the tube that lights the lobe. Without symmetry there are twice as many.
     pub along: usize,
     /// Gauss–Legendre nodes across the tube's radius.
     pub across: usize,
@@ -73,7 +74,7 @@ impl Precision {
     }
 }
 
-/// What one frame shows of a texel: the diffuse and the glossy response per unit ρd and ρs, and how they change.
+/// What one frame shows of a texel: the diffuse and the glossy response per unit ρd and ρs, and their derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
     /// Diffuse response D, per unit ρd.
@@ -88,7 +89,8 @@ pub struct Response {
     pub s_n: [f64; 3],
 }
 
-/// The plain evaluation of one frame, f64, any normal, any camera: the reference for the vectorised one.
+/// The plain evaluation of one frame in double precision, for any normal and any camera. It is the reference for the
+/// vectorised one.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The lamp.
@@ -108,8 +110,8 @@ impl Model {
         Model { tube, camera, lobe, rule: arc::Rule::new(precision.along), across }
     }
 
-    /// The arcs that stand for the tube at `light_mm` (along the travel) over the texel at `texel_mm`, in the pass's
-    /// own frame.
+    /// The arcs that stand for the tube at `light_mm` (along the travel), seen from the texel at `texel_mm`, in the
+    /// pass's own frame.
     pub(crate) fn arcs(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2]) -> impl Iterator<Item = Arc> + '_ {
         let texel = travel.local([texel_mm[0], texel_mm[1], 0.0]);
         let x = light_mm - texel[0];

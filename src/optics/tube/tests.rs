@@ -25,8 +25,8 @@ fn slopes(b: f64, ty: f64) -> [[f64; 3]; 2] {
 const PLACES: [([f64; 2], [f64; 2]); 4] =
     [([0.0, 0.0], [0.0, 0.0]), ([0.0, 12.0], [0.1, 0.0]), ([30.0, -25.0], [0.12, 0.1]), ([-30.0, 20.0], [-0.05, 0.12])];
 
-/// The cylinder's integral written down afresh from the definition: directions of the plane of travel across the tube
-/// and angles along it by Simpson's rule, f_s from its own formula.
+/// The cylinder's integral, written independently from the definition: Simpson's rule over directions in the plane of
+/// travel across the tube and over angles along it, with f_s from its own formula.
 fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m: f64) -> [f64; 2] {
     const ACROSS: usize = 32;
     const ALONG: usize = 800;
@@ -72,7 +72,7 @@ fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m
 #[test]
 fn agrees_with_brute_force() {
     for lobe in LOBES {
-        // Cook–Torrance has kinks that the brute force does not split at.
+        // Cook–Torrance has kinks, and the brute force does not split its range there.
         let (model, bound) = (
             Model::new(TUBE, camera(), lobe, &Precision::fine()),
             if matches!(lobe, Lobe::CookTorrance { .. }) { 1e-4 } else { 2e-6 },
@@ -133,7 +133,7 @@ fn mirror_peak_and_passes_are_alike() {
         let s = |dx: f64| model.response(Travel::X, x + dx, [0.0; 2], normal(b, 0.0), 0.02).s;
         assert!(s(0.0) > s(-6.0) && s(0.0) > s(6.0));
     }
-    // A camera in the y–z plane sees in pass y what one in the x–z plane sees in pass x.
+    // A camera in the y–z plane sees in pass y what a camera in the x–z plane sees in pass x.
     let c = camera();
     let turned = Model::new(TUBE, [0.0, c[0], c[2]], Lobe::Ggx, &Precision::default());
     let model = Model::new(TUBE, c, Lobe::Ggx, &Precision::default());
@@ -182,9 +182,9 @@ fn derivatives_against_differences() {
     }
 }
 
-/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set
-/// there is. Cook–Torrance has a kink where G's branches meet, and its changes by tilt jump there: the few nodes across
-/// a thick tube's radius sample that coarsely, a thin tube has none.
+/// Compares the vectorised pass at default precision with the plain evaluation with many nodes, on every available
+/// instruction set. Cook–Torrance has a kink where G's branches meet, and its changes by tilt jump there. The few nodes
+/// across a thick tube's radius sample this coarsely; a thin tube has no such error.
 #[test]
 fn fast_agrees_with_the_reference() {
     let positions: Vec<f64> = (0..100).map(|k| -400.0 + 650.0 * f64::from(k) / 99.0).collect();
@@ -201,7 +201,7 @@ fn fast_agrees_with_the_reference() {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
                     if lobe == COOK_TORRANCE && (ty != 0.0 || travel == Travel::Y) {
-                        // Not vectorised: the reference would be compared with itself.
+                        // This case is not vectorised: the reference would be compared with itself.
                         continue;
                     }
                     let (n, [nb, ny]) = (normal(b, ty), slopes(b, ty));
@@ -213,7 +213,7 @@ fn fast_agrees_with_the_reference() {
                         })
                         .collect();
                     let most = |c: usize| want.iter().map(|w| w[c].abs()).fold(1e-9, f64::max);
-                    // A change by tilt counts beside the trace itself.
+                    // A change by tilt is judged relative to the trace itself.
                     let peak: [f64; COLUMNS] =
                         std::array::from_fn(|c| if c < 3 { most(c) } else { most(c).max(most((c + 1) % 2)) });
                     for level in Level::available() {
@@ -272,7 +272,7 @@ fn frames_cut_by_the_horizon() {
                     cut += usize::from(ends[0] != ends[1]);
                     for (c, want) in wanted(r).into_iter().enumerate() {
                         let got = columns[c][k];
-                        // Derivatives steer the solver, a digit less of them does.
+                        // Derivatives only steer the solver, so one digit less is enough.
                         let bound = if c < 2 { 2e-5 } else { 2e-4 } * peaks[c];
                         assert!(
                             (got - want).abs() < bound,

@@ -1,10 +1,10 @@
-//! The angles at which the integral equation is kept.
+//! The angles at which the integral equation is solved.
 //!
-//! A smooth interface keeps s = n sin θ. So one set of values of s serves all media, each with those below its own
-//! index, and light that is mirrored or refracted goes from a node to a node. The indices cut the axis of s into
-//! panels, and total reflection begins exactly at their ends. In a panel below the index `hi` all cosines are smooth
-//! functions of c = √(hi² − s²), in which the nodes are those of Gauss; where another index lies so close above that
-//! the cosine of its medium bends within the panel, c = δ sinh t unbends it.
+//! A smooth interface keeps s = n sin θ. So one set of values of s serves all media: each medium has those below its
+//! own index, and reflected or refracted light goes from node to node. The refractive indices divide the axis of s into
+//! panels, so total reflection begins exactly at a panel's end. In a panel below the index `hi`, all cosines are smooth
+//! functions of c = √(hi² − s²), so the nodes are Gauss's nodes in c. Another index may lie so close above that the
+//! cosine of its medium bends within the panel; then c = δ sinh t makes it smooth.
 
 use crate::number::Real;
 use mesophyll_quadrature as quadrature;
@@ -55,8 +55,9 @@ const SAME: f64 = 1e-12;
 const NARROWEST: f64 = 1e-3;
 
 impl<N: Real> Grid<N> {
-    /// For light between air and media of the indices `kept`; `others` are indices of media whose cosines matter too,
-    /// and `bends` values of s at which functions are not smooth for another reason. Every panel has `order` nodes.
+    /// For light between air and media of the indices `kept`. `others` are indices of further media whose cosines
+    /// matter. `bends` are values of s at which functions are not smooth for another reason. Every panel has `order`
+    /// nodes.
     pub fn new(kept: &[N], others: &[N], bends: &[N], order: usize) -> Grid<N> {
         let mut levels: Vec<N> = vec![N::of(1.0)];
         let mut sorted = kept.to_vec();
@@ -87,8 +88,8 @@ impl<N: Real> Grid<N> {
         Grid { panels, rule: quadrature::unit(order) }
     }
 
-    /// The same with one node, that of light at the angle whose cosine in air is `cos`: for a leaf without lobes, in
-    /// which light stays at one angle a medium.
+    /// The same with one node: that of light whose angle in air has the cosine `cos`. It serves a leaf without lobes,
+    /// in which light keeps one angle in each medium.
     pub fn single(kept: &[N], cos: f64) -> Grid<N> {
         let grid = Grid::new(kept, &[], &[], 1);
         let panels = grid.panels.into_iter().map(|p| Panel { close: None, ..p }).collect();
@@ -113,8 +114,8 @@ impl<N: Real> Grid<N> {
         ((panel.hi * panel.hi - c * c).sqrt() / n, square.sqrt() / n)
     }
 
-    /// Angles in a medium of the index `n` at which functions on the grid are not smooth: ends of panels, each
-    /// with whether they behave like a square root below it; and places where they bend.
+    /// Angles in a medium of the index `n` at which functions on the grid are not smooth: the ends of panels, each with
+    /// whether functions behave like a square root below it, and the places where functions bend.
     pub fn breaks(&self, n: N) -> Vec<(N, bool)> {
         let mut breaks = Vec::new();
         let inner = self.panels_of(n);
@@ -125,7 +126,7 @@ impl<N: Real> Grid<N> {
                 breaks.push((sin.angle(cos), panel.of_medium));
             }
             if let Some(close) = panel.close {
-                // where c is three times as long as the bend
+                // The place where c is three times as long as the bend.
                 let c = close.times(3.0);
                 if c.value() < panel.c_end.value() {
                     let (s, cos) = ((panel.hi * panel.hi - c * c).sqrt(), (n * n - panel.hi * panel.hi + c * c).sqrt());
@@ -137,11 +138,11 @@ impl<N: Real> Grid<N> {
         breaks
     }
 
-    /// Adds to `out`, one number a node, the weights by which the values at the nodes of a medium of the index `n` make
-    /// the integral of a function on the grid: Σ over `points` (sine, cosine, weight) of weight times function.
+    /// Adds integration weights to `out`, one number a node. The values of a function at the nodes of a medium of the
+    /// index `n`, times these weights, give Σ over `points` (sine, cosine, weight) of weight times function.
     ///
-    /// Values between nodes are those of the polynomial in t through the nodes of the panel. It is summed up by
-    /// Legendre polynomials, which takes a recurrence a point instead of all pairs of nodes.
+    /// Between nodes the function is the polynomial in t through the nodes of the panel. The sum uses Legendre
+    /// polynomials: that needs one recurrence for each point instead of all pairs of nodes.
     pub fn integrate(&self, n: N, points: impl Iterator<Item = (N, N, N)>, out: &mut [N]) {
         let order = self.rule.len();
         let mut moments = vec![N::of(0.0); out.len()];

@@ -1,15 +1,16 @@
 //! How a lobe spreads light over angles: the density of the new cosine, given the angle of the ray that is turned.
 //!
-//! A ray at θ′ that is turned by α with the density (ob + 1)/2π · cos^ob α comes to θ with ∫ max(0, cos θ cos θ′ +
-//! sin θ sin θ′ cos φ)^ob dφ, up to a factor. The factor is settled by drawing again what leaves the leaf's side: all
-//! light goes somewhere. So azimuth has gone, for R and T do not ask for it.
+//! A ray at θ′ is turned by an angle α with the density (ob + 1)/2π · cos^ob α. Up to a factor, ∫ max(0, cos θ cos θ′ +
+//! sin θ sin θ′ cos φ)^ob dφ of its light comes to θ. Directions that leave the ray's side of the leaf's plane are
+//! drawn again; so all light goes somewhere, which determines the factor. R and T do not depend on azimuth, so it is
+//! integrated out here.
 
 use super::grid::Grid;
 use crate::number::Real;
 use mesophyll_quadrature as quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// −ln of what is too little to count.
+/// −ln of the share of light that is neglected.
 const NEGLIGIBLE: f64 = 40.0;
 
 /// Nodes by which a lobe is integrated.
@@ -44,7 +45,7 @@ fn power(x: f64, p: f64) -> f64 {
     if p.fract() == 0.0 && p <= 32.0 { x.powi(p as i32) } else { x.powf(p) }
 }
 
-/// ∫ max(0, a + b cos φ)^ob dφ over half a turn for a, b ≥ 0 and a + b > 0, over (a + b)^ob.
+/// ∫ max(0, a + b cos φ)^ob dφ over half a turn for a, b ≥ 0 and a + b > 0, divided by (a + b)^ob.
 fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
     let whole = a + b;
     // With z = a/(a + b) the base is z + (1 − z) cos φ = 1 − (1 − z)(1 − cos φ).
@@ -53,11 +54,11 @@ fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
     if !(r > 0.0) {
         return N::of(PI);
     }
-    // Where the base comes to 0, and where its power becomes negligible.
+    // The φ at which the base becomes 0, and the φ at which its power becomes negligible.
     let zero = 1.0 - 1.0 / r;
     let faint = 1.0 - -(-NEGLIGIBLE / p).exp_m1() / r;
     let (end, graded, slope) = if faint > zero && faint > -1.0 {
-        // a cut that nothing depends on
+        // The integral is cut where it is negligible, so no derivative comes from the cut.
         (faint.clamp(-1.0, 1.0).acos(), false, 0.0)
     } else if zero > -1.0 {
         // d arccos(1 − 1/r)/dr = −1/(r² sin φ)
@@ -68,7 +69,7 @@ fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
     };
     let (mut sum, mut by_rest, mut by_power) = (0.0, 0.0, 0.0);
     for &(y, w) in &rules.azimuth {
-        // The power comes to 0 like a root: nodes crowd there.
+        // The power goes to 0 like a root: nodes are concentrated there.
         let (x, dx) = if graded { (1.0 - (1.0 - y) * (1.0 - y), 2.0 * (1.0 - y) * w) } else { (y, w) };
         let phi = end * x;
         let (sin, cos) = phi.sin_cos();
@@ -79,7 +80,7 @@ fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
         let value = power(base, p) * dx;
         sum += value;
         if N::DIFFERENTIATES {
-            // The node moves with the end.
+            // The node moves with the end of the range.
             by_rest += p * value / base * (cos - 1.0 - r * sin * x * slope);
             by_power += value * base.ln();
         }
@@ -87,7 +88,7 @@ fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
     N::chain(end * sum, [(end * by_rest + slope * sum, rest), (end * by_power, ob)])
 }
 
-/// Nodes over all θ that a ray of the sine `sin` and the cosine `cos` is turned to, with the share of light at each.
+/// Nodes over all angles θ to which a ray of sine `sin` and cosine `cos` is turned, with the share of light at each.
 /// `grazing` puts more nodes where cos θ is small.
 pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: N, grazing: bool) -> Vec<Point<N>> {
     let center = sin.angle(cos);
@@ -98,7 +99,7 @@ pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: 
     // Ends of pieces: the angle, and whether functions behave like a root below and above it.
     let mut ends: Vec<(N, bool, bool)> = vec![(N::of(0.0), false, false), (center, false, false)];
     ends.extend(breaks.iter().map(|&(at, root)| (at, root, false)));
-    // A quarter turn away from the ray the lobe ends.
+    // The lobe ends a quarter turn away from the ray.
     if p < 40.0 {
         ends.push((N::of(FRAC_PI_2) - center, true, true));
     }
@@ -123,7 +124,8 @@ pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: 
         }
         same
     });
-    // An end without a root next to one with it would leave a piece whose neighbour's root is close by.
+    // An end without a root is removed where an end with a root lies close to it: the piece on its other side would be
+    // disturbed by that root.
     let crowds = |root: f64, near: f64, far: f64| (near - root).abs() < 0.7 * (far - near).abs();
     let mut k = 1;
     while k + 1 < ends.len() {
@@ -136,7 +138,7 @@ pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: 
             k += 1;
         }
     }
-    // Where two roots are close to each other the one is felt beyond the other.
+    // Where an end with a root lies close to the next end, its root is also felt in the piece beyond that end.
     let at: Vec<f64> = ends.iter().map(|e| e.0.value()).collect();
     for k in 1..ends.len().saturating_sub(1) {
         if ends[k - 1].2 && crowds(at[k - 1], at[k], at[k + 1]) {
@@ -188,8 +190,8 @@ pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: 
     points
 }
 
-/// The weights by which values at the nodes of a medium of the index `n` make the mean over the lobe around a ray.
-/// `through`: what share of light at an angle goes on.
+/// Weights that turn the values at the nodes of a medium of the index `n` into the mean over the lobe around a ray.
+/// `through` is the share of light at an angle that goes on.
 pub fn row<N: Real>(grid: &Grid<N>, n: N, points: &[Point<N>], through: impl Fn(&Point<N>) -> N) -> Vec<N> {
     let mut out = vec![N::of(0.0); grid.len(n)];
     grid.integrate(n, points.iter().map(|q| (q.sin, q.cos, q.weight * through(q))), &mut out);

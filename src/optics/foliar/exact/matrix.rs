@@ -30,7 +30,7 @@ impl<N: Real> Matrix<N> {
         self.entries[row * self.columns + column]
     }
 
-    /// Product with `o`, of which only the first rows are taken where it has more than this has columns.
+    /// The product with `o`. If `o` has more rows than this matrix has columns, only its first rows are used.
     pub fn times(&self, o: &Matrix<N>) -> Matrix<N> {
         let mut entries = vec![N::of(0.0); self.rows * o.columns];
         for (row, out) in entries.chunks_exact_mut(o.columns.max(1)).enumerate() {
@@ -51,7 +51,7 @@ impl<N: Real> Matrix<N> {
         self
     }
 
-    /// Σ over the row of `weights`, times this: `weights` · self.
+    /// The row vector `weights` times this matrix.
     pub fn applied(&self, weights: &[N]) -> Vec<N> {
         let row = Matrix { rows: 1, columns: weights.len(), entries: weights.to_vec() };
         row.times(self).entries
@@ -62,14 +62,14 @@ impl<N: Real> Matrix<N> {
         Matrix { rows, columns: self.columns, entries: self.entries[..rows * self.columns].to_vec() }
     }
 
-    /// Adds `o`, which may have fewer rows: the others stay.
+    /// Adds `o`. If `o` has fewer rows, the other rows stay.
     pub fn plus(mut self, o: &Matrix<N>) -> Matrix<N> {
         self.entries.iter_mut().zip(&o.entries).for_each(|(a, &b)| *a = *a + b);
         self
     }
 
-    /// Solves (1 − self) x = right, by elimination with row pivots. The matrices here take less than all light from
-    /// anywhere to anywhere, so that there is a solution.
+    /// Solves (1 − self) x = right by elimination with row pivots. The matrices here pass on less than all of the
+    /// light, so there is a solution.
     pub fn solve_rest(&self, right: Matrix<N>) -> Matrix<N> {
         let n = self.rows;
         let mut a = Matrix::from_fn(n, n, |i, j| N::of(f64::from(i == j)) - self.at(i, j));
@@ -85,7 +85,7 @@ impl<N: Real> Matrix<N> {
                 b.entries.swap(k * width + j, pivot * width + j);
             }
             if a.at(k, k).value() == 0.0 {
-                // Light that is caught for ever in a clear layer. None ever comes there.
+                // This light would be caught for ever in a clear layer, but none ever comes there.
                 a.entries[k * n + k] = N::of(1.0);
             }
             for i in k + 1..n {

@@ -1,12 +1,12 @@
 //! Reflectance and transmittance without random numbers.
 //!
-//! Let v(θ) be the share of the light at the angle θ in one layer that ends up outside on a given side. Just after a
-//! lobe it follows from what Fresnel's formula sends on at the next interface, turned by the next lobe: v = F · L v′ +
-//! (1 − F) · L v″, with L the mean over a lobe ([`kernel`]). This is one linear integral equation in θ for all layers
-//! together. v is smooth between the angles of total reflection whatever the lobes are, so it is kept at a few nodes
-//! ([`grid`]), and the lobes are integrated on finer nodes of their own. Three plane parts of the leaf are taken
-//! together in closed form or by elimination: the antidermal wall, everything above the mesophyll, and everything below
-//! it. What is left is an equation of the size of the mesophyll's nodes.
+//! Let v(θ) be the share of the light at the angle θ in one layer that finally leaves on a given side. Just after a
+//! lobe, v follows from what Fresnel's formula sends on at the next interface and what the next lobe does with it: v =
+//! F · L v′ + (1 − F) · L v″, where L is the mean over a lobe ([`kernel`]). This is one linear integral equation in θ
+//! for all layers together. v is smooth between the angles of total reflection whatever the lobes are, so a few nodes
+//! are enough for it ([`grid`]). The lobes are integrated on finer nodes of their own. Three parts of the leaf are
+//! combined first, in closed form or by elimination: the antidermal wall, everything above the mesophyll, and
+//! everything below it. There remains an equation as large as the number of the mesophyll's nodes.
 //!
 //! Light is conserved to rounding: every lobe's weights add up to 1.
 
@@ -42,31 +42,32 @@ impl Resolution {
     ];
 }
 
-/// Lobes of a larger oblateness than this turn light by little: it leaves near the angle at which it came.
+/// Lobes of a larger oblateness than this turn light only a little: it leaves near the angle at which it came.
 const NARROW: f64 = 6.0;
 
-/// The lobe around each of a medium's nodes, as fine nodes, or nothing where a lobe does not turn light.
+/// The lobe around each of a medium's nodes, as fine nodes; `Straight` where the lobe does not turn light.
 enum Lobe<N> {
     Straight,
     Points(Vec<Vec<Point<N>>>),
 }
 
-/// What the optics of a leaf are but for the mesophyll's absorption: solved once for any number of absorptions.
+/// The optics of a leaf except for the mesophyll's absorption. It is solved once and serves any number of absorptions.
 pub struct Prepared<N = f64> {
     leaf: Leaf<N>,
     grid: Grid<N>,
     rules: Rules,
     palisade: Lobe<N>,
-    /// What comes back down into the mesophyll of what goes up at its upper end, and the other way round below.
+    /// Of the light that goes up at the upper end of the mesophyll: what comes back down into it. `below` is the same
+    /// for light going down at the lower end.
     above: Matrix<N>,
     below: Matrix<N>,
-    /// What leaves there instead.
+    /// Of the same light: what leaves the leaf instead.
     out_above: Matrix<N>,
     out_below: Matrix<N>,
-    /// Light going down in the upper epidermis: by what enters the mesophyll, and what leaves the leaf upward.
+    /// For light going down in the upper epidermis: what enters the mesophyll, and what leaves the leaf upward.
     upper: Matrix<N>,
     upper_out: Matrix<N>,
-    /// Light going up in the lower epidermis: by what goes up into the mesophyll, and what leaves the leaf downward.
+    /// For light going up in the lower epidermis: what goes up into the mesophyll, and what leaves the leaf downward.
     lower: Matrix<N>,
     lower_out: Matrix<N>,
 }
@@ -81,26 +82,26 @@ pub struct Solved<'a, N = f64> {
 }
 
 impl<N: Real> Prepared<N> {
-    /// Prepares a leaf; its depth is not used.
+    /// Prepares a leaf. The leaf's own absorption `depth` is not used.
     pub fn new(leaf: &Leaf<N>, resolution: Resolution) -> Prepared<N> {
         let Leaf { n_cuticle: nc, n_mesophyll: nm, n_antidermal: na, .. } = *leaf;
         let Oblateness { epidermis, palisade, .. } = leaf.oblateness;
         let mut bends: Vec<N> =
             [(nc, nm, epidermis), (nm, nc, palisade)].iter().flat_map(|b| bends(b.0, b.1, b.2)).collect();
         if epidermis.value().is_infinite() {
-            // Light that comes in unturned is read off the nodes. Near the normal they are dense: there the end of the
-            // next lobe lies at grazing light, which the mesophyll absorbs.
+            // Light that comes in without being turned is interpolated between the nodes. The nodes are dense near the
+            // normal: there the end of the next lobe lies at grazing light, which the mesophyll absorbs.
             bends.extend([0.02, 0.15].map(N::of));
         } else if leaf.path == Path::Slant && epidermis.value() > NARROW {
-            // Light that is turned by little is nearly read off the nodes, and slant ways absorb grazing light the more:
-            // here, too, the nodes must be denser near the normal. One panel more is enough.
+            // Light that is turned only a little depends nearly on the angle of a single node, and slant paths absorb
+            // grazing light more. So the nodes must be denser near the normal here, too; one more panel is enough.
             bends.push(N::of(0.4));
         }
         let grid = Grid::new(&[nc, nm], &[na], &bends, resolution.order);
         Prepared::on(leaf, grid, Rules::new(resolution.azimuth, resolution.piece))
     }
 
-    /// The same of a leaf whose lobes are all straight, for light at one angle (radians from the normal): the closed
+    /// The same for a leaf whose lobes do not turn light, for light at one angle (radians from the normal): the closed
     /// form of six smooth plates.
     fn straight(leaf: &Leaf<N>, incidence: f64) -> Prepared<N> {
         let grid = Grid::single(&[leaf.n_cuticle, leaf.n_mesophyll], incidence.cos());
@@ -126,8 +127,8 @@ impl<N: Real> Prepared<N> {
         let turn_spongy = mean(air, &lobes(air, spongy, false));
         let palisade = lobes(nm, palisade, true);
 
-        // Above the mesophyll: light going down (d) and up (u) in the epidermis, y going down in the mesophyll.
-        // u = F0 L d + (1 − F0), d = F1 L u + T1 y; out through the upper face: the last column.
+        // Above the mesophyll, light goes down (d) and up (u) in the epidermis, and y goes down in the mesophyll. u =
+        // F0 L d + (1 − F0) and d = F1 L u + T1 y. The last column is the light that leaves through the upper face.
         let f0 = between(nc, air);
         let f1 = between(nc, nm);
         let t1 = rest(&f1);
@@ -137,7 +138,8 @@ impl<N: Real> Prepared<N> {
             Matrix::from_fn(in_epidermis, in_mesophyll, |i, j| if i == j { t1[i] } else { N::of(0.0) });
         let upper = bounce.solve_rest(enter_mesophyll);
         let upper_out = bounce.solve_rest(turn_epidermis.times(&leaving).scaled(&f1));
-        // Light going up in the mesophyll onto interface 1: reflected F, refracted into u of the epidermis.
+        // Light that goes up in the mesophyll meets interface 1: the share F is reflected, the rest is refracted into u
+        // of the epidermis.
         let f1_up = between(nm, nc);
         let t1_up = rest(&f1_up);
         let into_upper = |d: &Matrix<N>| turn_epidermis.times(&turn_epidermis.times(d).scaled(&f0));
@@ -151,7 +153,7 @@ impl<N: Real> Prepared<N> {
         let out_above = into_upper(&upper_out).plus(&turn_epidermis.times(&leaving));
         let out_above = extended(&out_above.head(shared), in_mesophyll).scaled(&t1_up);
 
-        // Below: the antidermal wall as one film, with all its reflections.
+        // Below the mesophyll, the antidermal wall acts as one film with all its reflections.
         let film = |k: usize| {
             let [(_, c1), (_, ca), (_, ce)] = [air, na, nc].map(|n| grid.angle(n, k));
             let (f3, f4) = (fresnel(air, c1, na, ca), fresnel(na, ca, nc, ce));
@@ -182,7 +184,7 @@ impl<N: Real> Prepared<N> {
         let enter_mesophyll = Matrix::from_fn(in_air, in_mesophyll, |i, j| if i == j { t2_up[i] } else { N::of(0.0) });
         let a_by_y = returned.solve_rest(enter_mesophyll);
         let a_out = returned.solve_rest(turn_spongy.times(&d_out).scaled(&f2_up));
-        // Light going down in the mesophyll onto interface 2.
+        // Light that goes down in the mesophyll meets interface 2.
         let f2 = between(nm, air);
         let t2 = rest(&f2);
         let below = extended(&turn_spongy.times(&d_by_air.times(&a_by_y)), in_mesophyll).scaled(&t2);
@@ -209,7 +211,7 @@ impl<N: Real> Prepared<N> {
         }
     }
 
-    /// The leaf that it was prepared for.
+    /// The leaf that was prepared.
     pub fn leaf(&self) -> &Leaf<N> {
         &self.leaf
     }
@@ -268,9 +270,9 @@ impl<N: Real> Solved<'_, N> {
     }
 }
 
-/// Where the mean over a lobe is not smooth in the angle of the ray, in a medium of the index `n` next to another and
-/// to air: a lobe of a small oblateness ends all at once a quarter turn away from the ray, and the end passes an angle
-/// of total reflection.
+/// Values of s where the mean over a lobe is not smooth in the angle of the ray, in a medium of the index `n` next to
+/// another medium and to air. A lobe of a small oblateness ends abruptly a quarter turn away from the ray, and this end
+/// passes an angle of total reflection.
 fn bends<N: Real>(n: N, other: N, ob: N) -> Vec<N> {
     const SMOOTH: f64 = 2.0;
     let below = [N::of(1.0), other].into_iter().filter(|m| m.value() < n.value() && ob.value() < SMOOTH);
@@ -290,7 +292,7 @@ fn lobes<N: Real>(grid: &Grid<N>, rules: &Rules, n: N, ob: N, grazing: bool) -> 
     Lobe::Points((0..grid.len(n)).map(around).collect())
 }
 
-/// The matrix that makes of the values at the nodes their means over the lobe around each node.
+/// The matrix that turns the values at the nodes into their means over the lobe around each node.
 fn mean<N: Real>(grid: &Grid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&Point<N>) -> N) -> Matrix<N> {
     let size = grid.len(n);
     match lobe {
@@ -322,8 +324,8 @@ pub fn responses(leaf: &Leaf, lights: &[(Side, f64)]) -> Option<Vec<Response>> {
     Some(lights.iter().map(|&(side, at)| solved.response(side, at)).collect())
 }
 
-/// A leaf whose lobes turn light, as finely prepared as R and T of these lights to 2e-5 need at these absorptions times
-/// thickness; `None` where the method does not settle to that.
+/// Prepares a leaf whose lobes turn light, finely enough that R and T of these lights are right to 2e-5 at these
+/// absorptions times thickness. `None` where the method does not converge to that.
 pub fn prepared(leaf: &Leaf, depths: &[f64], lights: &[(Side, f64)]) -> Option<Prepared> {
     let mut prepared = Prepared::new(leaf, Resolution::USUAL);
     if is_plain(leaf) {
@@ -352,7 +354,7 @@ pub fn prepared(leaf: &Leaf, depths: &[f64], lights: &[(Side, f64)]) -> Option<P
     None
 }
 
-/// Two resolutions that agree to this are right to 2e-5.
+/// Two resolutions that agree within this are both right to 2e-5.
 const SETTLED: f64 = 1e-5;
 
 /// Whether no lobe turns light.
@@ -370,7 +372,7 @@ pub fn is_plain(leaf: &Leaf) -> bool {
         && indices.windows(2).all(|w| w[0] == w[1] || w[1] - w[0] > 0.005)
 }
 
-/// What [`derivatives`] are taken by, in its order.
+/// The parameters of [`derivatives`], in their order.
 pub const PARAMETERS: [&str; 7] = [
     "depth",
     "n_cuticle",

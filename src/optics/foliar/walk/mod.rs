@@ -1,10 +1,10 @@
-//! The random walk of rays through the six interfaces (B1; A2 of the algorithm): analog, without roulette and without a
-//! limit of depth.
+//! The random walk of rays through the six interfaces (the ABM of B1). It is analog: there is no roulette and no limit
+//! of depth.
 //!
-//! What turns a ray inside the leaf depends only on where it goes, so rays wait in queues, one a layer and way, for the
-//! lobe that brings them in. A step takes the rays of the longest queue together: lobe, absorption, Fresnel. All of
-//! them do the same, in vector instructions. Every part of [`PART`] rays has random streams of its own, so that the
-//! result depends on the seed and not on the number of threads.
+//! What turns a ray inside the leaf depends only on where the ray goes. So rays wait in queues, one for each layer and
+//! direction, for the lobe that brings them into it. A step takes the rays of the longest queue together through lobe,
+//! absorption and Fresnel's formula. All rays of a step do the same, so vector instructions can be used. Every part of
+//! [`PART`] rays has its own random streams, so the result depends on the seed and not on the number of threads.
 
 mod numbers;
 mod pass;
@@ -15,12 +15,12 @@ use numbers::Random;
 use pass::{Place, Rays, Step, WIDTH};
 use rayon::prelude::*;
 
-/// Rays with random streams of their own.
+/// How many rays share one set of random streams.
 pub const PART: u64 = 1 << 16;
-/// Rays on their way at a time.
+/// How many rays are followed at the same time.
 const UNDER_WAY: usize = 2 * WIDTH;
-/// Steps after the last ray was sent after which those left are given up. Light comes there that rounding has caught in
-/// the antidermal wall: about one ray in a million where this wall has the highest index.
+/// Rays that are left this many steps after the last ray was sent are given up. Rounding has caught their light in the
+/// antidermal wall: about one ray in a million where this wall has the highest index.
 const MOST_STEPS: u64 = 1 << 18;
 
 /// Where rays went.
@@ -28,17 +28,17 @@ const MOST_STEPS: u64 = 1 << 18;
 pub struct Counts {
     /// How many rays were sent.
     pub rays: u64,
-    /// Left on the lit side.
+    /// Rays that left on the lit side.
     pub reflected: u64,
-    /// Left on the other side.
+    /// Rays that left on the other side.
     pub transmitted: u64,
-    /// Given up.
+    /// Rays that were given up.
     pub lost: u64,
 }
 
 impl Counts {
-    /// A share of the rays and its standard error. Where a share is very near 0 or 1 the error is that of a share of
-    /// one ray in all: no ray seen does not mean that none would be.
+    /// A share of the rays and its standard error. Where the share is very near 0 or 1, the error is that of a single
+    /// ray: that no ray was seen does not mean that none can come.
     pub fn share(&self, count: u64) -> (f64, f64) {
         let n = self.rays as f64;
         let p = (count as f64 + 1.0) / (n + 2.0);
@@ -54,7 +54,7 @@ impl Counts {
 }
 
 /// Sends `rays` rays at `incidence` (radians from the normal, 0 to π/2) onto one side. Between parts it asks `stop`
-/// whether to end early; what it returns then is of no use.
+/// whether to end early; then its result must not be used.
 pub fn count(
     leaf: &Leaf,
     side: Side,
@@ -100,7 +100,7 @@ pub fn directions(
     })
 }
 
-/// The places of a ray: a layer and the way it goes, or out.
+/// The places of a ray: a layer with the direction in which it goes, or outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum At {
     UpperDown,
@@ -113,7 +113,7 @@ enum At {
     WallUp,
     LowerDown,
     LowerUp,
-    /// Out of the upper face, and not to be turned; then turned by the cuticle.
+    /// Outside of the upper face. `OutUp` rays are not turned; `MirroredUp` rays are still to be turned by the cuticle.
     OutUp,
     MirroredUp,
     OutDown,
@@ -123,7 +123,7 @@ enum At {
 const INSIDE: usize = 10;
 const PLACES: usize = 14;
 
-/// Where rays of each place inside go: mirrored, refracted.
+/// Where the rays of each inside place go: first when reflected, then when refracted.
 const NEXT: [(At, At); INSIDE] = [
     (At::UpperUp, At::MesophyllDown),
     (At::UpperDown, At::OutUp),
@@ -176,7 +176,8 @@ impl Walk {
         Walk { places, cuticle: lobe(cuticle), side, surface, incidence, inside }
     }
 
-    /// Sends `n` rays, and hands those that leave to `each` if `DIRECTIONS`: whether on the lit side, with cosines.
+    /// Sends `n` rays. If `DIRECTIONS` is set, the rays that leave are handed to `each`, with whether they left on the
+    /// lit side and with their cosines.
     fn part<const DIRECTIONS: bool>(
         &self,
         n: u64,
@@ -272,7 +273,7 @@ impl Walk {
             let (to, mu) = if *chance <= surface { (mirrored, cos) } else { (inner, inside) };
             let rays = &mut queues[to];
             rays.mu[rays.len] = mu;
-            // Azimuth 0 is the source's: light goes away from it.
+            // Azimuth 0 points to the source, so the light goes away from it.
             rays.azimuth[0][rays.len] = -1.0;
             rays.azimuth[1][rays.len] = 0.0;
             rays.len += 1;

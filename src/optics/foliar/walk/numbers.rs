@@ -1,7 +1,7 @@
 //! Random numbers and elementary functions for many rays at a time, in single precision and without branches, so that a
 //! compiler makes vector code of every loop over them.
 //!
-//! Single precision is enough: a ray that is off by 1e-7 goes another way with a probability of about 1e-7, and 1e9
+//! Single precision is enough: a ray that is off by 1e-7 takes another path with a probability of about 1e-7, while 1e9
 //! rays tell shares apart by 1e-5.
 
 /// Streams of random numbers that run side by side.
@@ -14,7 +14,7 @@ pub struct Random {
 }
 
 impl Random {
-    /// The streams of part `part` of what `seed` starts.
+    /// The streams of part `part`, started by `seed`.
     pub fn new(seed: u64, part: u64) -> Random {
         let mut at = mix(seed ^ mix(part ^ 0x5851_f42d_4c95_7f2d));
         let mut state = [[0; LANES]; 4];
@@ -76,7 +76,7 @@ pub fn log2(x: f32) -> f32 {
 #[inline(always)]
 pub fn exp2(x: f32) -> f32 {
     let x = if x > -126.0 { x } else { -127.0 };
-    // to the nearest whole number: the sum has no room for a fraction
+    // Rounds to the nearest whole number: the sum has no digits left for a fraction.
     let shifted = x + 12_582_912.0;
     let f = (x - (shifted - 12_582_912.0)) * std::f32::consts::LN_2;
     let series =

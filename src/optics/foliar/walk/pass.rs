@@ -3,15 +3,15 @@
 
 use super::numbers::{LANES, Random, cos, cos_pi, exp2, falls_short, log2};
 
-/// Most rays a step.
+/// Largest number of rays in a step.
 pub const WIDTH: usize = 256;
 
 /// Where rays of one place go, and what happens on the way.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    /// 1/(oblateness + 1) of the lobe that turns rays when they come here; `None`: they are not turned.
+    /// 1/(oblateness + 1) of the lobe that turns rays when they come here; `None` where they are not turned.
     pub lobe: Option<f32>,
-    /// Absorption of one thickness, as a power of 2; `None`: nothing absorbs here.
+    /// Absorption of one thickness, as a power of 2; `None` where nothing absorbs.
     pub absorbs: Option<f32>,
     /// Whether the crossing's length is that of [`super::super::Path::Sieve`].
     pub sieve: bool,
@@ -23,7 +23,7 @@ pub struct Place {
 /// sine of the azimuth.
 #[derive(Debug, Clone)]
 pub struct Rays {
-    /// How many.
+    /// How many rays there are.
     pub len: usize,
     /// Cosine from the normal, 0 to 1.
     pub mu: Box<[f32]>,
@@ -38,7 +38,7 @@ impl Rays {
         Rays { len: 0, mu: room(), azimuth: [room(), room()] }
     }
 
-    /// Adds those rays of a step whose fate is `fate`, with the cosines `mu`.
+    /// Adds the rays of a step whose fate is `fate`, with the cosines `mu`.
     #[inline(always)]
     fn add<const DIRECTIONS: bool>(&mut self, from: &Step, mu: &[f32; WIDTH], fate: u32) {
         let start = self.len;
@@ -52,8 +52,8 @@ impl Rays {
     }
 }
 
-/// Writes the values of those rays whose fate is `fate` one after the other; returns how many. It writes every value,
-/// and goes on only where the ray is one of them: no branch.
+/// Writes the values of the rays whose fate is `fate` one after the other and returns how many there are. It writes
+/// every value but advances only after a ray with this fate, so it needs no branch.
 #[inline(always)]
 fn keep(to: &mut [f32], values: &[f32; WIDTH], step: &Step, fate: u32) -> usize {
     let mut n = 0;
@@ -78,7 +78,7 @@ pub struct Step {
     fate: [u32; WIDTH],
 }
 
-// Fates. The loops choose the larger of two, so that being turned again goes before all else.
+// Fates. The loops take the larger of two fates, so being turned again wins over the others.
 const REFLECTED: u32 = 0;
 const REFRACTED: u32 = 1;
 const ABSORBED: u32 = 2;
@@ -91,7 +91,7 @@ impl Step {
         Step { n: 0, random: [zero; 4], base: zero, mu: zero, inside: zero, azimuth: [zero; 2], fate: [0; WIDTH] }
     }
 
-    /// Takes up to [`WIDTH`] rays off the end of `rays`; room behind them is filled with what does no harm.
+    /// Takes up to [`WIDTH`] rays off the end of `rays`. The unused places behind them are filled with harmless values.
     #[inline(always)]
     fn take<const DIRECTIONS: bool>(&mut self, rays: &mut Rays, random: &mut Random, numbers: usize) -> usize {
         self.n = rays.len.min(WIDTH);
@@ -110,8 +110,8 @@ impl Step {
         padded
     }
 
-    /// Turns each ray by the lobe of exponent `lobe` = 1/(ob + 1): (B1, Eq. 2) α = arccos ξ₁^lobe, β = 2π ξ₂. One that
-    /// leaves its side of the leaf's plane is to be turned again.
+    /// Turns each ray by the lobe of exponent `lobe` = 1/(ob + 1) (B1, Eq. 2): α = arccos ξ₁^lobe, β = 2π ξ₂. A ray
+    /// that leaves its side of the leaf's plane is to be turned again.
     #[inline(always)]
     fn turn<const DIRECTIONS: bool>(&mut self, lobe: f32, padded: usize) {
         let [first, second, ..] = &self.random;
@@ -124,7 +124,7 @@ impl Step {
             let power = log2(first[k]) * lobe;
             let (cos_a, sin_a2) = (exp2(power), falls_short(2.0 * power));
             let sin_a = sin_a2.max(0.0).sqrt();
-            // β and −β do the same to μ: ξ₂ is spread over half a turn, and its half decides the sign.
+            // β and −β give the same μ. So ξ₂ is spread over half a turn, and which half it lies in decides the sign.
             let (half, sign) = if DIRECTIONS {
                 let low = second[k] <= 0.5;
                 (if low { 2.0 * second[k] } else { 2.0 * second[k] - 1.0 }, if low { 1.0 } else { -1.0 })
@@ -142,7 +142,7 @@ impl Step {
                 let across = sin_a * sign * (1.0 - cos_b * cos_b).max(0.0).sqrt();
                 let length = (along * along + across * across).sqrt();
                 let (c, d) = if length > 0.0 { (along / length, across / length) } else { (1.0, 0.0) };
-                // A ray that is to be turned again keeps its own.
+                // A ray that is to be turned again keeps its azimuth.
                 let (c, d) = if turned > 0.0 { (c, d) } else { (1.0, 0.0) };
                 (x[k], y[k]) = (x[k] * c - y[k] * d, y[k] * c + x[k] * d);
             }
@@ -180,8 +180,8 @@ impl Step {
         }
     }
 
-    /// Takes rays out of `rays` through one step: those that are mirrored go to `mirrored`, those refracted to
-    /// `refracted`, those to be turned again back. Returns how many were absorbed.
+    /// Takes rays out of `rays` through one step. Reflected rays go to `mirrored`, refracted rays to `refracted`, and
+    /// rays to be turned again go back. Returns how many were absorbed.
     #[inline(always)]
     pub fn run<const DIRECTIONS: bool>(
         &mut self,
@@ -209,8 +209,8 @@ impl Step {
         self.fate[..self.n].iter().filter(|f| **f == ABSORBED).count() as u64
     }
 
-    /// Turns rays and hands them to `each` with the cosine of their angle and cosine and sine of their azimuth; those
-    /// to be turned again go back. This is what happens to rays that have left the leaf.
+    /// Turns rays that have left the leaf and hands them to `each`, with the cosine of their angle and cosine and sine
+    /// of their azimuth. Rays to be turned again go back.
     pub fn leave(&mut self, lobe: Option<f32>, random: &mut Random, rays: &mut Rays, mut each: impl FnMut([f32; 3])) {
         let padded = self.take::<true>(rays, random, 2);
         match lobe {

@@ -1,10 +1,10 @@
-//! Which σa and σs are possible, given noisy ρd and ρt. The ellipse of two standard errors around the measured pair is
-//! cut to what a slab can do, and its outline is inverted point by point.
+//! Finds which σa and σs are possible, given noisy ρd and ρt. The ellipse of two standard errors around the measured
+//! pair is cut to the pairs that a slab can have, and its outline is inverted point by point.
 
 use super::newton::{self, Point};
 use super::{Estimate, Measured, Precision, Spread, Status};
 
-/// Standard errors at which bounds are stated.
+/// The bounds are stated at this many standard errors.
 const WIDTH: f64 = 2.0;
 const DIRECTIONS: usize = 24;
 
@@ -23,8 +23,8 @@ impl Range {
     }
 }
 
-/// A point of the (ρd, ρt) plane moved to the nearest that some slab has: edges belong to black, clear, opaque and
-/// conservative slabs.
+/// A point of the (ρd, ρt) plane, moved to the nearest point that some slab has. The edges of the possible region
+/// belong to black, clear, opaque and conservative slabs.
 struct Feasible {
     r: f64,
     t: f64,
@@ -33,7 +33,7 @@ struct Feasible {
     edge: [bool; 3],
 }
 
-/// Small enough to act as zero, large enough to compute with.
+/// A number small enough to act as zero and large enough to compute with.
 const TINY: f64 = 1e-18;
 
 fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
@@ -41,7 +41,7 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
     let mut edge = [false; 3];
     let excess = r + t - 1.0;
     if excess >= 0.0 {
-        // onto the conservative edge along the noise's own metric
+        // Moves the point onto the conservative edge, by the shortest way in units of the noise.
         let share = (m.t_err / m.r_err).powi(2);
         r -= excess / (1.0 + share);
         t = 1.0 - r;
@@ -60,16 +60,16 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
     Feasible { r, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
 }
 
-/// σa h and σs h of a feasible point, with the edges' exact zeros and infinities; the point itself where both are
-/// numbers.
+/// σa h and σs h of a feasible point. On the edges they are exactly zero or infinite; where both are numbers, the point
+/// itself is returned too.
 fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)> {
     let [clear, opaque, conservative] = p.edge;
     if p.t >= 1.0 || (clear && conservative) {
-        // nothing in the light's way
+        // The slab is clear: nothing is in the way of the light.
         return Some(([0.0, 0.0], None));
     }
     if opaque {
-        // as thick as it likes; what does not absorb or scatter stays so
+        // The slab may be arbitrarily thick. A coefficient that is zero stays zero; the other is infinite.
         let open = |closed: bool| if closed { 0.0 } else { f64::INFINITY };
         return Some(([open(conservative), open(clear)], None));
     }
@@ -83,8 +83,8 @@ fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)
     Some(([point.absorbed * point.delta, point.omega * point.delta], Some(point)))
 }
 
-/// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has: a
-/// transmittance measured three errors below zero bounds no less than one measured at zero.
+/// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has. So a
+/// transmittance measured three errors below zero bounds the range as well as one measured at zero.
 fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
     let mut range = Range { low: [f64::INFINITY; 2], high: [0.0; 2] };
     let mut any = false;
@@ -95,7 +95,7 @@ fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
             any = true;
         }
         if p.edge[1] && p.edge[2] {
-            // opaque and white: with thickness any absorption is possible
+            // The slab is opaque and white: with enough thickness any absorption is possible.
             range.include([f64::INFINITY, f64::INFINITY]);
         }
     };
@@ -108,12 +108,13 @@ fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
     any.then_some(range)
 }
 
-/// Whether the parameters' ranges at ±2σ are what linear propagation says.
+/// Whether the parameters' ranges at ±2σ agree with linear error propagation.
 pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precision: Precision) -> bool {
     let Some(range) = range(m, WIDTH, precision) else { return false };
     let centre = [point.absorbed * point.delta, point.omega * point.delta];
     (0..2).all(|k| {
-        // both relative to the estimate: additive or multiplicative noise pass, a run-away side does not
+        // Both sides are taken relative to the estimate: additive and multiplicative noise pass, a side that runs away
+        // does not.
         let expected = WIDTH * spread.relative[k];
         let (down, up) = ((centre[k] - range.low[k]) / centre[k], (range.high[k] - centre[k]) / centre[k]);
         let fits = |x: f64| x > 0.6 * expected - 1e-3 && x < 1.6 * expected + 1e-3;
@@ -121,7 +122,7 @@ pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precis
     })
 }
 
-/// Best estimate, large errors, and bounds by name; by the fast model, whose error is part of `m`.
+/// The best estimate with large errors, and bounds by name. It uses the fast model, whose error is part of `m`.
 pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
     let precision = Precision::Fast;
     let best = feasible(m.r, m.t, m);
@@ -137,7 +138,7 @@ pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
         let may_be_opaque = m.t <= super::OPAQUE * m.t_err && range.high[k] > 0.0 && value[k] > 0.0;
         let (low, high) = (range.low[k], if may_be_opaque { f64::INFINITY } else { range.high[k] });
         if value[k].is_infinite() {
-            // opaque: the thinnest slab that explains it
+            // The slab is opaque: the thinnest slab that explains the measurement is taken.
             value[k] = low;
         }
         let half = 0.5 * (high - low) / WIDTH;
@@ -158,7 +159,7 @@ pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
         });
     }
     if open.is_empty() {
-        // each alone passes, but not the straight line between them: name both
+        // Each range alone passes, but the straight line between them does not: both parameters are named.
         open = vec!["sigma_a".into(), "sigma_s".into()];
         for k in 0..2 {
             err[k] = err[k].max(super::DETERMINED * 1.01 * value[k]);

@@ -1,9 +1,9 @@
 //! From (ρd, ρt, thickness) back to (σa, σs), with errors that can be trusted.
 //!
-//! Every ρd > 0, ρt > 0 with ρd + ρt < 1 belongs to exactly one slab. In F₁ = ln(ρd/α), α = 1 − ρd − ρt, and F₂ =
-//! ln(−ln ρt) against L = ln(σs/σa) and M = ln Δ the map is close to linear from the thinnest to the thickest slab, so
-//! Newton's method from a tabulated start ends in two or three steps ([`newton`]). What noise leaves open is found by
-//! carrying its ellipse through the model ([`bounds`]).
+//! Every ρd > 0, ρt > 0 with ρd + ρt < 1 belongs to exactly one slab. The map from L = ln(σs/σa) and M = ln Δ to F₁ =
+//! ln(ρd/α), α = 1 − ρd − ρt, and F₂ = ln(−ln ρt) is close to linear from the thinnest to the thickest slab. So
+//! Newton's method from a tabulated start ends after two or three steps ([`newton`]). To find what noise leaves open,
+//! its ellipse is carried through the model ([`bounds`]).
 
 mod bounds;
 mod newton;
@@ -53,21 +53,21 @@ pub(crate) struct Measured {
     pub t_err: f64,
 }
 
-/// Relative 1σ above which a parameter is not called determined.
+/// A parameter whose relative standard error is above this is not called determined.
 pub const DETERMINED: f64 = 0.1;
-/// A transmittance within this many standard errors of zero may belong to an opaque slab: noise of this size must not
-/// happen in millions of rows.
+/// A transmittance within this many standard errors of zero may belong to an opaque slab. The limit is so high that
+/// noise does not reach it in millions of rows.
 const OPAQUE: f64 = 5.5;
-/// Beyond this many standard errors outside the possible, a measurement is refused.
+/// A measurement that is more than this many standard errors outside the possible region is refused.
 const IMPOSSIBLE: f64 = 4.0;
 /// Rounding of the measurements themselves: relative, and absolute where one is exactly zero.
 const ROUNDING: f64 = 2e-16;
-/// A transmittance below this is zero to within what double precision resolves.
+/// A transmittance below this is treated as zero: double precision resolves no more.
 const SMALLEST: f64 = 1e-300;
-/// A transmittance below this goes to the exact model.
+/// A transmittance below this is inverted with the exact model.
 const DEEP: f64 = 1e-30;
-/// Thicknesses that a slab of matter can have (mm): from the size of an atom to a kilometre. At far smaller ones σ is
-/// beyond all numbers.
+/// Thicknesses that a slab of matter can have (mm): from the size of an atom to a kilometre. At far smaller ones σ
+/// would overflow.
 const THICKNESS_MM: [f64; 2] = [1e-7, 1e6];
 /// Relative error of the forward models in ρd and in −ln ρt.
 const FAST_MODEL: f64 = 4e-9;
@@ -99,7 +99,7 @@ pub fn invert_with(
     }
     let stated_matters = rho_d_err.hypot(rho_t_err) > 30.0 * FAST_MODEL;
     let coarse = with_model_error(&measured, FAST_MODEL);
-    // the table keeps its digits in ρt down to 1e-30
+    // The table keeps the digits of ρt down to 1e-30.
     let deep = rho_t > 0.0 && rho_t < DEEP;
     let found = if precision == Precision::Fast && !deep {
         determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast)
@@ -130,7 +130,7 @@ fn with_model_error(m: &Measured, model: f64) -> Measured {
     Measured { r_err: widen(m.r_err, model * m.r, m.r), t_err: widen(m.t_err, model * t * -t.ln(), m.t), ..*m }
 }
 
-/// Why no slab can be meant, if so.
+/// Why no slab can have these measurements, if so.
 fn impossible(m: &Measured, h: f64) -> Option<String> {
     let [thinnest, thickest] = THICKNESS_MM;
     if !(h > 0.0 && h.is_finite()) {
@@ -160,10 +160,10 @@ fn impossible(m: &Measured, h: f64) -> Option<String> {
     None
 }
 
-/// The answer where both parameters are determined, by the linear error propagation and, where that is in doubt, by the
-/// model itself.
+/// The answer where both parameters are determined, by linear error propagation and, where its validity is in doubt, by
+/// the model itself.
 ///
-/// `check` is the model that judges the doubt: the fast one, except where noise is below its own error.
+/// `check` is the model that decides such cases: the fast one, unless noise is below the fast model's own error.
 fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> Option<Estimate> {
     let lost = 1.0 - m.r - m.t;
     if !(m.r > 2.0 * m.r_err && m.t > OPAQUE * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
@@ -194,7 +194,8 @@ impl Spread {
     pub fn new(point: &Point, m: &Measured) -> Spread {
         // rows: ln σa, ln σs; columns: ρd, ρt
         let g = point.log_sigma_by_measured(m.r, m.t);
-        // errors first: their squares alone would underflow beside a transmittance of 1e-200
+        // The products are formed before they are squared: the squares of the errors alone would underflow at a
+        // transmittance of 1e-200.
         let e = [[g[0][0] * m.r_err, g[0][1] * m.t_err], [g[1][0] * m.r_err, g[1][1] * m.t_err]];
         let c = |i: usize, k: usize| e[i][0] * e[k][0] + e[i][1] * e[k][1];
         let relative = [c(0, 0).sqrt(), c(1, 1).sqrt()];

@@ -43,8 +43,8 @@ impl Point {
     }
 }
 
-/// The slab with reflectance `r`, transmittance `t` and `lost` = 1 − r − t, all > 0. Nothing only where numbers run
-/// out.
+/// The slab with reflectance `r`, transmittance `t` and `lost` = 1 − r − t, all > 0. `None` only where the range of
+/// numbers is exhausted.
 pub fn solve(r: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
     let target = [(r / lost).ln(), (-t.ln()).ln()];
     if !(target[0].is_finite() && target[1].is_finite()) {
@@ -58,7 +58,8 @@ pub fn solve(r: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
     }
 }
 
-/// Where `steps` plain Newton steps lead from the tabulated start, for the sweep of their number: (1−ω, ω, Δ).
+/// The result of `steps` plain Newton steps from the tabulated start, as (1−ω, ω, Δ). It serves the sweep over the
+/// number of steps.
 pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
     let target = [(r / lost).ln(), (-t.ln()).ln()];
     let [mut l, mut m] = start(r, t, lost, target);
@@ -87,7 +88,7 @@ fn model(l: f64, m: f64) -> ([f64; 2], Point) {
         let mut lost = blocked - r;
         let mut change = lost_by(t, depth_by, r_by);
         if absorbed < NEARLY_CONSERVATIVE {
-            // The table's own loss at ω = 1, about 1e-10, would drown a smaller true one.
+            // At ω = 1 the table itself loses about 1e-10 of the light, which would hide a smaller true loss.
             let (r0, depth0, r0_by, depth0_by) = fluxes(&table.at_log(0.0, delta, m), 1.0, 0.0, delta);
             let t0 = (-depth0).exp();
             lost += (-depth0).exp_m1() + r0;
@@ -108,7 +109,7 @@ fn model(l: f64, m: f64) -> ([f64; 2], Point) {
     }
 }
 
-/// Below this 1−ω the table's own loss is taken off.
+/// Where 1−ω is below this, the table's own loss is subtracted.
 const NEARLY_CONSERVATIVE: f64 = 1e-3;
 
 /// ρd, −ln ρt and their derivatives by L and M.
@@ -145,7 +146,7 @@ pub fn conservative(t: f64) -> Option<Point> {
     None
 }
 
-/// Newton's steps towards these F, halved where the residual does not fall.
+/// Takes Newton steps towards the target F; a step is halved where the residual does not fall.
 fn iterate(start: [f64; 2], target: [f64; 2]) -> Option<Point> {
     let mut search = Search { target, evaluations: 0 };
     let start = search.place(start);
@@ -153,16 +154,16 @@ fn iterate(start: [f64; 2], target: [f64; 2]) -> Option<Point> {
     end.converged().then_some(found.point)
 }
 
-/// Evaluations of the model at most: where so many do not lead there, they go after rounding.
+/// Largest number of evaluations of the model. If the search has not ended by then, it only follows rounding.
 const EVALUATIONS: usize = 60;
 
-/// The F that are looked for, and how often the model was asked.
+/// The target F, and how often the model was evaluated.
 struct Search {
     target: [f64; 2],
     evaluations: usize,
 }
 
-/// A slab at (L, M), what is left to the target, and the larger of the two.
+/// A slab at (L, M), the two residuals to the target, and the larger of them.
 struct Place {
     at: [f64; 2],
     point: Point,
@@ -226,7 +227,7 @@ fn longest(step: &[f64; 2]) -> f64 {
     step[0].abs().max(step[1].abs())
 }
 
-/// No step is longer than 2.
+/// Limits a step to a length of 2.
 #[inline]
 fn limit(step: &[f64; 2]) -> f64 {
     (2.0 / longest(step)).min(1.0)
@@ -281,7 +282,7 @@ fn two_flux(r: f64, t: f64, lost: f64) -> [f64; 2] {
     [-ratio.ln(), ((ratio + 2.0) * s.max(1e-300)).ln()]
 }
 
-/// The start: two fluxes, corrected by a bicubic table of what they get wrong.
+/// The start: the two-flux estimate, corrected by a bicubic table of its errors.
 #[inline]
 fn start(r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
     static GRID: OnceLock<Vec<[f64; 2]>> = OnceLock::new();
@@ -312,7 +313,7 @@ fn start(r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
     out
 }
 
-/// What two fluxes get wrong, over the grid; each point starts from its neighbour's correction.
+/// The errors of the two-flux estimate over the grid. Each point starts from its neighbour's correction.
 fn corrections() -> Vec<[f64; 2]> {
     let mut grid: Vec<[f64; 2]> = Vec::with_capacity(COUNT[0] * COUNT[1]);
     for i in 0..COUNT[0] {

@@ -25,7 +25,7 @@ fn returns_to_the_slab_it_came_from() {
             let e = invert_with(precision, r.rho_d, r.rho_t, h, 1e-9, 1e-9);
             if e.status.is_ok() {
                 determined += 1;
-                // 1e-9 in σ asks for more than rounding leaves where 1−ω and T are small at once
+                // Rounding does not allow 1e-9 in σ where 1−ω and T are both small.
                 let room = digits * (e.condition / 30.0).max(1.0);
                 assert!((e.sigma_a / a - 1.0).abs() < room, "ω {omega} Δ {delta}: {e:?} {a}");
                 assert!((e.sigma_s / s - 1.0).abs() < room, "ω {omega} Δ {delta}: {e:?} {s}");
@@ -35,8 +35,8 @@ fn returns_to_the_slab_it_came_from() {
     assert!(determined > 1100, "{determined}");
 }
 
-/// Rows said `ok` over random slabs and noise: how often 95 % intervals contain σa and σs, how many are off by more
-/// than 4 errors, and how many there are.
+/// For rows called `ok` over random slabs and noise: how often the 95 % intervals contain σa and σs, how many values
+/// are off by more than 4 errors, and how many rows there are.
 fn coverage(rows: usize, seed: u64, noise: f64) -> ([f64; 2], usize, usize) {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let (mut inside, mut wrong, mut ok) = ([0usize; 2], 0, 0);
@@ -102,7 +102,7 @@ fn bounds_by_name() {
 
 #[test]
 fn stated_bounds_hold() {
-    // Truth inside the one-sided bound in about 97.7 % of noisy rows, and never far outside.
+    // The truth lies inside the one-sided bound in about 97.7 % of noisy rows, and is never far outside.
     let mut rng = Pcg64Mcg::seed_from_u64(31);
     let noise = 1e-3;
     let (mut rows, mut kept) = (0, 0);
@@ -174,7 +174,7 @@ fn coverage_over_many() {
 
 #[test]
 fn no_noise_from_clear_to_opaque_to_the_edge_of_numbers() {
-    // Exact inputs: whatever is said to be ok is right within its errors, and nothing valid is refused.
+    // With exact inputs, everything called ok is right within its errors, and nothing valid is refused.
     let mut rng = Pcg64Mcg::seed_from_u64(41);
     let mut ok = 0;
     for _ in 0..400 {

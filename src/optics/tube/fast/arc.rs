@@ -1,7 +1,7 @@
 //! One thin tube's integrand at a node, several frames at a time.
 //!
-//! Free functions instead of closures: only `#[inline(always)]` takes the intrinsics along into the caller that was
-//! compiled for them.
+//! These are free functions instead of closures: only `#[inline(always)]` functions carry the intrinsics into the
+//! caller that was compiled for them.
 
 use crate::tube::lanes::Lanes;
 
@@ -11,7 +11,8 @@ pub(super) struct Sums<L> {
     pub value: L,
     pub value_m: L,
     pub x: [L; 3],
-    /// Σ of the masked value where the light's side masks, over n·l at t = 0; and where the viewer's does.
+    /// `masked` is Σ of the masked value where the light's side masks, over n·l at t = 0. `facing` is the same for the
+    /// viewer's side.
     pub masked: L,
     pub facing: L,
 }
@@ -23,7 +24,7 @@ pub(super) struct Arc<L> {
     pub m: [L; 3],
     pub q: [L; 3],
     pub over: L,
-    /// n² − 1 where Fresnel's reflectance of index n multiplies the lobe, else 0.
+    /// n² − 1 where Fresnel's reflectance of index n multiplies the lobe, otherwise 0.
     pub fresnel: f64,
 }
 
@@ -39,7 +40,7 @@ pub(super) fn flat<L: Lanes>(v: [f64; 3], sin: L, cos: L) -> L {
     L::splat(v[0]).fma(sin, L::splat(v[2]).mul(cos))
 }
 
-/// The point of the tube in direction (cos, sin), or the end that lies nearest.
+/// The point of the tube in the direction (cos, sin), or the nearest end of the tube.
 #[inline(always)]
 pub(super) fn clamp<L: Lanes>(cp: L, sp: L, ends: &[L; 2], end_cos: &[L; 2], end_sin: &[L; 2]) -> (L, L) {
     let behind = cp.less(L::splat(1e-6));
@@ -57,7 +58,7 @@ pub(super) fn limit<L: Lanes>(cp: L, sp: L, end_cos: L, end_sin: L) -> L {
     end_sin.mul(cp).sub(end_cos.mul(sp)).div(L::splat(1.0).add(end_cos.mul(cp)).add(end_sin.mul(sp)))
 }
 
-/// tan of half an angle, x (15 − x²)/(15 − 6 x²); unlimited beyond 1.4 rad, or where `bounded` is not set.
+/// tan of half an angle, x (15 − x²)/(15 − 6 x²). It is unlimited beyond 1.4 rad, and where `bounded` is not set.
 #[inline(always)]
 pub(super) fn half_tan<L: Lanes>(angle: L, bounded: L::Mask) -> L {
     let s = L::splat;
@@ -69,7 +70,7 @@ pub(super) fn half_tan<L: Lanes>(angle: L, bounded: L::Mask) -> L {
 }
 
 impl<L: Lanes> Arc<L> {
-    /// Adds the integrand at `t` times `weight`; `even`: the odd coefficients are zero.
+    /// Adds the integrand at `t` times `weight`. `even` says that the odd coefficients are zero.
     #[inline(always)]
     pub fn node(&self, ggx: bool, even: bool, t: L, weight: L, sums: &mut Sums<L>) {
         let (one, two) = (L::splat(1.0), L::splat(2.0));
@@ -112,8 +113,8 @@ impl<L: Lanes> Arc<L> {
         L::splat(0.5).mul(r).mul(r).mul(t.fma(t, one))
     }
 
-    /// What masking takes away at `t` of a symmetric arc: the integrand times G − 1, where the smallest of G's branches
-    /// is the light's (`light`: 2 (n·l) M/E) or the viewer's (2 (n·c) M/E). `a` = n·l at t = 0, `b` = n·c.
+    /// What masking takes away at `t` of a symmetric arc: the integrand times G − 1, where the smallest branch of G is
+    /// the light's (`light`: 2 (n·l) M/E) or the viewer's (2 (n·c) M/E). `a` = n·l at t = 0, `b` = n·c.
     #[inline(always)]
     pub fn shadow(&self, light: bool, a: L, b: L, t: L, weight: L, sums: &mut Sums<L>) {
         let (zero, one, two) = (L::splat(0.0), L::splat(1.0), L::splat(2.0));

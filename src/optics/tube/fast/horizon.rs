@@ -7,8 +7,8 @@ use super::light::atan;
 use crate::tube::lanes::Lanes;
 use std::f64::consts::PI;
 
-/// Moves the end that the horizon hides to where it cuts the arc, in the lanes of `cut`; the lanes of these that see
-/// anything.
+/// Moves the end that the horizon hides to the place where the horizon cuts the arc, in the lanes of `cut`. Returns
+/// those of these lanes that see anything.
 #[inline(always)]
 pub(super) fn above<L: Lanes>(
     point: &Point,
@@ -43,7 +43,8 @@ pub(super) fn diffuse<L: Lanes>(end_cos: &[L; 2], end_sin: &[L; 2], ends: &[L; 2
     [along, skew]
 }
 
-/// ∂S along the change `v` of the normal from the cut's own motion: the integrand there, per unit of the arc's scale.
+/// The part of ∂S along the change `v` of the normal that comes from the cut's motion: the integrand there, per unit of
+/// the arc's scale.
 #[inline(always)]
 pub(super) fn cut_moves<L: Lanes>(
     point: &Point,
@@ -60,7 +61,7 @@ pub(super) fn cut_moves<L: Lanes>(
     }
     let end = usize::from(along < 0.0);
     let (t, q) = (ends[end], end_cos[end]);
-    // An end that is the tube's own does not move: n·l is not zero there.
+    // The tube's own ends do not move: n·l is not zero there.
     let facing = flat(point.n, sin, cos).fma(q, L::splat(along).mul(t).mul(q));
     let still = L::splat(1e-9).less(facing.max(zero.sub(facing)));
     let e = one.add(q.mul(flat(point.c, sin, cos).add(t.mul(L::splat(point.c[1])))));

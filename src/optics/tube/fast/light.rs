@@ -1,5 +1,5 @@
-//! Where the tube stands as a texel sees it, for all frames of a pass at once and without trigonometry. The diffuse
-//! response D has a closed form, which is here, too.
+//! The tube's position as a texel sees it, for all frames of a pass at once and without trigonometry. The diffuse
+//! response D, which has a closed form, is here as well.
 
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 
@@ -49,15 +49,15 @@ pub(super) fn light<L: Lanes>(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit) {
                 (along, skew) = (along.add(part), skew.add(s.mul(s)));
             }
         }
-        // (2/π) · ½ · height/distance; across the radius the mean of the direction is sin β/β long, which `scale` holds
-        // inverted
+        // (2/π) · ½ · height/distance. Averaged across the radius, the direction vector has the length sin β/β; `scale`
+        // holds the inverse of that.
         let factor = cos.mul(L::splat(1.0 / PI));
         factor.mul(along).store(&mut lit.along[k..]);
         factor.mul(asin).mul(skew).store(&mut lit.skew[k..]);
     }
 }
 
-/// atan to 1e-12: twice reduced, to |y| ≤ tan(π/8), then its series.
+/// atan to 1e-12: the argument is reduced twice, to |y| ≤ tan(π/8), and then the series is used.
 #[inline(always)]
 pub(super) fn atan<L: Lanes>(x: L) -> L {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));

@@ -1,7 +1,7 @@
-//! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the
-//! same node sets, without its trigonometry. [`super::Model`] is the reference it is tested against. Frames that the
-//! texel's horizon cuts get ends of their own for every node across the radius. A Cook–Torrance lobe whose normal leans
-//! along the tube is left to the reference: its G has up to four kinks at places that only a quartic knows.
+//! The tube integral for all frames of a pass at once, vectorised over frames. It has the formulas and node sets of
+//! [`super::arc`], but no trigonometry. [`super::Model`] is the reference that it is tested against. In frames that the
+//! texel's horizon cuts, every node across the radius gets its own ends. A Cook–Torrance lobe whose normal leans along
+//! the tube is left to the reference: its G has up to four kinks, whose places are roots of a quartic.
 
 mod arc;
 mod horizon;
@@ -17,11 +17,11 @@ use light::light;
 use mesophyll_quadrature::symmetric;
 use respond::respond;
 
-/// What a pass shows of one texel for one normal and slope: columns of D, S, ∂S/∂m, then ∂D and ∂S along one or two
-/// changes of the normal. Padded with zeros to whole vectors.
+/// How many columns a pass has for one normal and slope of a texel: D, S, ∂S/∂m, then ∂D and ∂S along one or two
+/// changes of the normal. Columns are padded with zeros to whole vectors.
 pub const COLUMNS: usize = 7;
 
-/// Positions of the tube over one texel, a column each, padded.
+/// The tube's positions as seen from one texel; each list has one value a frame, and padding.
 #[derive(Debug, Clone, Default)]
 pub struct Lit {
     texel: [f64; 2],
@@ -50,12 +50,12 @@ pub struct Pass {
     nodes: Nodes,
 }
 
-/// Node tables; bell nodes are whole numbers, Gauss nodes lie in [−1, 1].
+/// Node tables. Bell nodes are whole numbers; Gauss nodes lie in [−1, 1].
 #[derive(Debug, Clone)]
 struct Nodes {
     bell: Vec<(f64, f64)>,
     half_bell: Vec<(f64, f64)>,
-    /// Gauss–Legendre on [−1, 1] and on [0, 1], by order up to `along` a half.
+    /// Gauss–Legendre rules on [−1, 1] and on [0, 1], by order.
     gauss: Vec<Vec<(f64, f64)>>,
     half_gauss: Vec<Vec<(f64, f64)>>,
     along: f64,
@@ -63,7 +63,7 @@ struct Nodes {
     reach: f64,
 }
 
-/// Normal, its changes and the slope, in the pass's frame.
+/// The normal, its changes and the slope, in the frame of the pass.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     n: [f64; 3],
@@ -74,13 +74,14 @@ struct Point {
     m: f64,
 }
 
-/// Order `n` on [0, 1], weights for half of that.
+/// The rule of order `n` on [0, 1], with weights for half of that stretch.
 fn halved(n: usize) -> Vec<(f64, f64)> {
     symmetric(n.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect()
 }
 
 impl Nodes {
-    /// Nodes for a stretch of so many widths e^(−x²) (3 + 1.6 L hold 2e-6 of a bell; three more for what is not one).
+    /// Nodes for a stretch of `widths` widths of e^(−x²). 3 + 1.6 · widths nodes give 2e-6 of a bell; three more serve
+    /// what is not a bell.
     #[inline(always)]
     pub fn over(&self, widths: f64) -> &[(f64, f64)] {
         let n = ((5.0 + 1.6 * widths) * self.along / 8.0 + 1.5) as usize;
@@ -95,8 +96,8 @@ impl Nodes {
 }
 
 impl Pass {
-    /// A pass of `model` with the tube at these positions (mm); `along` says how fine the integral along the tube is,
-    /// and `level` what the processor may use.
+    /// A pass of `model` with the tube at these positions (mm). `along` is the number of nodes along the tube, and
+    /// `level` the instruction set that may be used.
     pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: Level) -> Pass {
         let rule = super::arc::Rule::new(along);
         let full = |k: i32| (f64::from(k), 1.0);
@@ -135,7 +136,7 @@ impl Pass {
         &self.positions
     }
 
-    /// Looks at the tube from `texel_mm`.
+    /// Fills `lit` with the tube's positions as seen from `texel_mm`.
     pub fn light(&self, texel_mm: [f64; 2], lit: &mut Lit) {
         let n = self.padded();
         if lit.sin.len() == n && lit.texel == texel_mm {
@@ -152,12 +153,12 @@ impl Pass {
         dispatch_lanes!(self.level, light(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit));
     }
 
-    /// Nodes across the radius for slope `m`: the mean of a bell of width σ over ±β needs few where β/σ is small.
+    /// Nodes across the radius for slope `m`. The mean of a bell of width σ over ±β needs few nodes where β/σ is small.
     fn across(&self, m: f64) -> &[(f64, f64)] {
         let camera = self.travel.local(self.model.camera);
-        // A lobe's width across the tube is about √2 m; the tube is widest where it is nearest.
+        // A lobe's width across the tube is about √2 m; the tube looks widest where it is nearest.
         let near = if self.travel == Travel::X { camera[2].max(0.3) } else { 1.0 };
-        // A long tail has a sharper top.
+        // A lobe with a long tail has a sharper top.
         let sharp = if self.model.lobe.is_long_tailed() { 2.0 } else { 1.2 };
         let x = sharp * near * self.model.tube.radius_mm / self.model.tube.height_mm / (std::f64::consts::SQRT_2 * m);
         let count = match x {
@@ -198,7 +199,7 @@ impl Pass {
             return;
         }
         let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0 && point.change.iter().all(|v| v[1] == 0.0);
-        // The lanes know the kernels of these lobes alone.
+        // The vector code has the kernels of these lobes only.
         let known = matches!(self.model.lobe, Lobe::Beckmann | Lobe::Ggx | Lobe::CookTorrance { .. });
         if known && (symmetric || self.model.lobe.index().is_none()) {
             let (pass, point, across) = (self, &point, self.across(m));
@@ -214,7 +215,7 @@ impl Pass {
                 )
             );
         } else {
-            // As many nodes across the radius as the lobe's width asks for.
+            // The number of nodes across the radius depends on the lobe's width.
             let across = self.across(m);
             let more = across.len() > self.model.across.len();
             let model =

@@ -35,7 +35,7 @@ pub(super) fn respond<L: Lanes>(
         let (sin, cos, beta) = (L::load(&lit.sin[k..]), L::load(&lit.cos[k..]), L::load(&lit.beta[k..]));
         let ends = [L::load(&lit.ends[0][k..]), L::load(&lit.ends[1][k..])];
         let a = s(n[0]).mul(sin).add(s(n[2]).mul(cos));
-        // The least and greatest cosine along the tube decide between lit, dark and cut.
+        // The smallest and largest cosine along the tube decide whether a frame is lit, dark or cut by the horizon.
         let (low, high) = (ends[0].mul(s(n[1])), ends[1].mul(s(n[1])));
         let (low, high) = (a.add(low.min(high)), a.add(low.max(high)));
         let bright = beta.less(low);
@@ -102,7 +102,8 @@ pub(super) fn respond<L: Lanes>(
                         slope = s(2.0).mul(f).mul(im3);
                         falling = zero.less(f1);
                         bend = f1.mul(im3).sub(s(1.5).mul(slope).mul(m1).mul(im)).max(s(1e-3));
-                        // Far from the least tan²α the window's parabola misleads: one more step, where it can be told.
+                        // Where the range is far from the smallest tan²α, the parabola of the window is a poor guide.
+                        // One more step is taken where this can be detected.
                         let off = s(0.25 * m2).mul(bend).less(slope.mul(slope));
                         if step == 2 || symmetric || !L::any(L::both(seen, off)) {
                             break;

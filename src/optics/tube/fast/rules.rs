@@ -1,6 +1,6 @@
-//! Where along the tube the integrand is evaluated. A lobe that lies between the tube's ends takes the trapezoid rule,
-//! a lobe that an end cuts takes Gauss nodes, a lobe with a long tail takes a change of variable, and stretches that
-//! masking darkens are integrated apart.
+//! Where along the tube the integrand is evaluated. A lobe that lies between the tube's ends takes the trapezoid rule.
+//! A lobe that an end cuts takes Gauss nodes. A lobe with a long tail takes a change of variable. Stretches that
+//! masking darkens are integrated separately.
 
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 
@@ -8,7 +8,7 @@ use super::Nodes;
 use super::arc::{Arc, Sums, half_tan};
 use crate::tube::lanes::Lanes;
 
-/// What the choice of nodes looks at.
+/// The quantities that the choice of nodes depends on.
 pub(super) struct Frame<L: Lanes> {
     pub from: L,
     pub to: L,
@@ -19,7 +19,8 @@ pub(super) struct Frame<L: Lanes> {
     pub m: f64,
 }
 
-/// Beckmann: the trapezoid where the bell fits between the ends, Gauss nodes on what is left of it elsewhere.
+/// Beckmann's lobe: the trapezoid rule where the bell fits between the ends, otherwise Gauss nodes on the part of it
+/// that is left.
 #[inline(always)]
 pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums<L>) {
     let s = L::splat;
@@ -49,7 +50,7 @@ pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums
     let lo = frame.from.max(zero.sub(half_tan(s(2.0 * far).div(root.sub(frame.slope)), frame.falling)));
     let hi = frame.to.min(half_tan(s(2.0 * far).div(root.add(frame.slope)), frame.falling));
     if frame.symmetric {
-        // Even in t: the two halves, or one of them twice.
+        // If the integrand is even in t, one half is taken twice; otherwise both halves are.
         let equal = hi.add(lo).max(zero.sub(hi.add(lo))).less(s(1e-12));
         let both = L::all(equal);
         let ends = [hi, zero.sub(lo)];
@@ -69,7 +70,7 @@ pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums
         }
         return;
     }
-    // Some lanes take one rule, some the other: walk both tables side by side.
+    // Some lanes take one rule and some the other, so both tables are walked side by side.
     let (mid, half) = (zero.or(fits, mid), step.or(fits, half));
     for k in 0..gauss.len().max(nodes.bell.len()) {
         let b = if k < nodes.bell.len() { nodes.bell[k] } else { (0.0, 0.0) };
@@ -79,8 +80,8 @@ pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums
     }
 }
 
-/// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y; the poles of the integrand are at ±i. `even`:
-/// only the half [0, y] of a symmetric range, twice.
+/// GGX: t = w·2y/(1 − y²) takes in the tail of the Lorentzian; Gauss nodes are in y, where the integrand's poles are at
+/// ±i. `even`: only the half [0, y] of a symmetric range is taken, twice.
 #[inline(always)]
 pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, even: bool, sums: &mut Sums<L>) {
     let s = L::splat;
@@ -88,7 +89,7 @@ pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to
     let (lo, hi) = (from.div(w.add(w.fma(w, from.mul(from)).sqrt())), to.div(w.add(w.fma(w, to.mul(to)).sqrt())));
     let (mid, half) = if even { (s(0.0), hi) } else { (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5))) };
     let w2 = w.add(w);
-    // As a stretch of a bell of seven widths from −1 to 1.
+    // As many nodes as for a bell whose stretch from −1 to 1 is eight widths long.
     let list = if even { nodes.over_half(4.0 * half.most()) } else { nodes.over(8.0 * half.most()) };
     for &(x, weight) in list {
         let y = half.fma(s(x), mid);
@@ -101,9 +102,9 @@ pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to
 }
 
 /// What the V-cavity's masking takes from a Cook–Torrance lobe over a symmetric arc. With x = cos ψ along the tube, a x
-/// = n·l, M = b + a x and E = 1 + c x, the branches of G = min(1, 2 (n·l) M/E, 2 (n·c) M/E) meet where a x = b, where 2
-/// a x M = E (a quadratic in x) and where 2 b M = E (linear): between them everything is smooth, and G − 1 vanishes
-/// where it should. `abc`: a, b, c.
+/// = n·l, M = b + a x and E = 1 + c x. The branches of G = min(1, 2 (n·l) M/E, 2 (n·c) M/E) meet where a x = b, where 2
+/// a x M = E (a quadratic in x), and where 2 b M = E (linear). Between these places everything is smooth, and G − 1
+/// goes to zero at the edges of masking. `abc` holds a, b, c.
 #[inline(always)]
 pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, abc: [L; 3], sums: &mut Sums<L>) {
     let s = L::splat;
@@ -112,14 +113,14 @@ pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, a
     let width = s(0.5 * frame.m).div(frame.bend.sqrt());
     let reach = half_tan(s(4.2 * frame.m).div(frame.bend.sqrt()), frame.falling);
     let level = b.div(a.max(s(1e-12)));
-    // 2 a² x² + (2 a b − c) x − 1 = 0 has one positive root; the light's side masks below it.
+    // 2 a² x² + (2 a b − c) x − 1 = 0 has one positive root; below it the light's side masks.
     let (p, h) = (two.mul(a).mul(a), two.mul(a).mul(b).sub(c));
     let root = h.fma(h, s(4.0).mul(p)).sqrt();
     let free = h.max(zero.sub(h)).add(root);
     let positive = zero.less(h);
     let free = two.div(free).or(positive, free.div(two.mul(p).max(s(1e-24))));
     let light = level.min(free);
-    // x (2 a b − c) < 1 − 2 b² where the viewer's side masks, as far as a x > b.
+    // The viewer's side masks where x (2 a b − c) < 1 − 2 b², as far as a x > b.
     let r = one.sub(two.mul(b).mul(b));
     let tiny = h.max(zero.sub(h)).less(s(1e-12));
     let edge = r.div(s(1e-12).or(tiny, h));
@@ -132,7 +133,7 @@ pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, a
     for side in 0..if equal { 1 } else { 2 } {
         let end = sides[side].max(zero);
         for (by_light, high, low) in spans {
-            // The light's side masks from its edge outwards, the viewer's between two.
+            // The light's side masks from its edge outwards, the viewer's side between two edges.
             let (from, to) =
                 if by_light { (tangent(low).min(end), end) } else { (tangent(high).min(end), tangent(low).min(end)) };
             let (mid, half) = (to.add(from).mul(s(0.5)), to.sub(from).mul(s(0.5)).max(zero));

@@ -1,8 +1,8 @@
 //! Several f64 at a time: AVX-512, AVX2 with FMA, or plain arrays, chosen when the program runs.
 //!
-//! Only what the tube integral and its fit need. The intrinsics sit behind `#[inline(always)]` methods, which are sound
-//! only where the caller was compiled for the instruction set; [`dispatch!`](crate::dispatch_lanes) makes such callers
-//! and checks the processor.
+//! It has only what the tube integral and its fit need. The intrinsics are in `#[inline(always)]` methods, which are
+//! sound only where the caller was compiled for the instruction set. [`dispatch!`](crate::dispatch_lanes) makes such
+//! callers and checks the processor.
 
 /// A few f64.
 pub trait Lanes: Copy {
@@ -26,9 +26,9 @@ pub trait Lanes: Copy {
     fn div(self, o: Self) -> Self;
     /// self · b + c
     fn fma(self, b: Self, c: Self) -> Self;
-    /// The lesser of both, a lane.
+    /// The smaller of both, lane by lane.
     fn min(self, o: Self) -> Self;
-    /// The greater of both, a lane.
+    /// The larger of both, lane by lane.
     fn max(self, o: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
@@ -48,7 +48,7 @@ pub trait Lanes: Copy {
     fn exp(self) -> Self;
     /// Sum of the lanes.
     fn sum(self) -> f64;
-    /// The greatest lane; NaN lanes may or may not be seen.
+    /// The largest lane; NaN lanes may or may not be noticed.
     fn most(self) -> f64;
 }
 
@@ -59,7 +59,7 @@ const LN2: f64 = std::f64::consts::LN_2;
 /// Adding 1.5·2⁵² leaves the nearest integer in the low bits.
 const MAGIC: f64 = 6755399441055744.0;
 
-/// Arrays: what is left where neither instruction set is there.
+/// Arrays, for processors with neither instruction set.
 #[derive(Clone, Copy)]
 pub struct Plain([f64; 4]);
 
@@ -209,7 +209,7 @@ impl Level {
     }
 }
 
-/// Most values a vector holds: columns are padded to whole ones.
+/// The largest number of values in a vector; columns are padded to whole vectors.
 pub(crate) const PAD: usize = 8;
 
 /// `n` rounded up to whole vectors.

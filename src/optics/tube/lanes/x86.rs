@@ -1,6 +1,7 @@
 //! AVX2 with FMA and AVX-512 on x86-64.
 
-// Sound because only functions compiled for the instruction set, entered after asking the processor, call these.
+// This is sound because only functions that are compiled for the instruction set, and entered after a check of the
+// processor, call these.
 #![allow(clippy::undocumented_unsafe_blocks)]
 use super::{EXP, LN2, LOG2E, Lanes, MAGIC};
 use std::arch::x86_64::*;
