@@ -1,4 +1,4 @@
-//! Fits of branches: the shape that one takes under a load (`beam`), and how one swings in the wind (`motion`).
+//! Fits of branches: the shape that a branch takes under a load (`beam`), and how it swings in the wind (`motion`).
 
 #![warn(missing_docs)]
 

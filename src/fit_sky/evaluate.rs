@@ -1,4 +1,4 @@
-//! Coefficients of skies by whichever way covers them: what `eval sky` prints a row.
+//! Coefficients of skies, from whichever source covers them: one row of what `eval sky` prints.
 
 use crate::window::WindowKind;
 use crate::{Error, Form, Method, Options, Result, SkyModel, fit, folder, standard};
@@ -38,19 +38,19 @@ pub struct Evaluator {
 
 /// One sky's coefficients, and where they come from.
 pub struct Evaluated {
-    /// N² values a channel.
+    /// N² coefficients a channel, N being the number of bands.
     pub coefficients: Coefficients,
-    /// Whether it had to be integrated although a fit was asked for.
+    /// Whether the sky had to be integrated although a fit was asked for.
     pub beyond_fit: bool,
-    /// Whether its turbidity is outside those that the model's authors vouch for.
+    /// Whether the turbidity is outside the range that the model's authors vouch for.
     pub warned: bool,
 }
 
 impl Evaluator {
-    /// `bands` N, l < N. `ground` is the albedo, 0 to 1, of the level ground below the horizon.
+    /// `bands` is N: functions of degree l < N. `ground` is the albedo, 0 to 1, of the level ground below the horizon.
     ///
     /// # Errors
-    /// [`Error::Usage`] for what does not go together.
+    /// [`Error::Usage`] for arguments that do not fit together.
     pub fn new(
         source: Source,
         model: SkyModel,
@@ -65,7 +65,7 @@ impl Evaluator {
         Ok(made)
     }
 
-    /// With the fit of Preetham's sky in `fit` (a folder of `fit sky`) in place of the built-in one.
+    /// Uses the fit of Preetham's sky in the folder `fit` (written by `fit sky`) instead of the built-in one.
     ///
     /// # Errors
     /// As [`Evaluator::new`], and where the folder is no such fit.
@@ -87,7 +87,7 @@ impl Evaluator {
         if !(0.0..=1.0).contains(&ground) {
             return Err(Error::Usage(format!("--ground is {ground}; expected an albedo of 0 to 1")));
         }
-        // The ground's light is the irradiance of two bands at least.
+        // The light of the ground needs the irradiance, which takes at least two bands.
         let worked = if ground > 0.0 { bands.max(2) } else { bands };
         Ok(Evaluator { model, form: None, window: window.window(bands)?, bands, worked, ground })
     }
@@ -122,7 +122,7 @@ impl Evaluator {
     }
 }
 
-/// The polynomials that are asked for; `None` where everything is to be integrated.
+/// The polynomials that are asked for; `None` where everything is integrated.
 fn polynomials(source: Source, model: SkyModel, bands: usize) -> Result<Option<Form<f32>>> {
     if source == Source::Direct {
         return Ok(None);
@@ -138,7 +138,7 @@ fn polynomials(source: Source, model: SkyModel, bands: usize) -> Result<Option<F
         Source::MonomialsQr => Method::MonomialsQr,
     };
     if bands > crate::MOST_BANDS {
-        // the default gives way; a fit asked for by name does not
+        // A fit that is used by default is replaced; a fit asked for by name is not.
         if source == Source::Fit {
             progress::say(format!(
                 "{bands} bands are more than a fit has ({}); everything is integrated directly",

@@ -1,8 +1,8 @@
-//! The best fit: staircases of Chebyshev products for what is left of Preetham's integrals once the prefactors are
-//! folded out.
+//! The best fit. Preetham's integrals are divided by prefactors that have a closed form, and the rest is fitted with a
+//! staircase of Chebyshev products: the higher the power of one variable, the fewer powers of the other.
 //!
-//! Weighted least squares by QR at 24 × 12 Chebyshev nodes; the weight is the root of the luminance's prefactor,
-//! halfway between equal errors and errors as a renderer sees them.
+//! It is weighted least squares by QR at 24 × 12 Chebyshev nodes. The weight is the square root of the luminance's
+//! prefactor: halfway between equal errors and the errors that a renderer sees.
 
 use super::nodes::{self, lower};
 use super::{Fitted, Form, Options};
@@ -15,9 +15,9 @@ use mesophyll_solve::{Termination, TraceRow, decompose, qr};
 use nalgebra::{DMatrix, DVector};
 use std::time::Instant;
 
-/// 80 terms: 26,880 bytes in f32 at N = 7.
+/// Number of terms in each row of the staircase: 80 in all, which take 26,880 bytes in f32 at N = 7.
 pub const COMPACT: [usize; 15] = [10, 9, 9, 8, 7, 7, 6, 5, 5, 4, 3, 3, 2, 1, 1];
-/// 124 terms: 41,664 bytes.
+/// The same with 124 terms: 41,664 bytes.
 pub const FINE: [usize; 18] = [10, 10, 10, 9, 9, 9, 8, 8, 8, 7, 7, 6, 6, 5, 4, 3, 3, 2];
 
 /// Fits with a given staircase (see [`Folded`]).
@@ -37,7 +37,7 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
     let mix = Mix::new(options.turbidities);
     let terms: usize = rows.iter().sum();
     let m = n_suns * n_turbid;
-    // √ of the luminance's prefactor, 1 at its mean
+    // The square root of the luminance's prefactor, scaled to 1 at its mean.
     let mut weights: Vec<f64> = Vec::with_capacity(m);
     for s in &samples.suns {
         weights.extend(samples.turbidities.iter().map(|t| Turbid::new(*t).prefactors(*s)[0].sqrt()));
@@ -62,7 +62,7 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         least_squares(design, right, m, terms)
     };
     let (even, odd) = rayon::join(|| solve(0), || solve(1));
-    // Before the arrays are made: term by term, functions side by side.
+    // The order of the numbers before they become arrays: term by term, all functions of a term side by side.
     let arrange = |s: &Solved| {
         let functions = s.solution.len() / terms.max(1);
         let mut out = Vec::with_capacity(s.solution.len());
@@ -108,7 +108,7 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
     }
 }
 
-/// Columns of the design matrix one after another, each over suns and, within, turbidities.
+/// Columns of the design matrix, one after another. Each runs over suns and, within a sun, over turbidities.
 fn design(
     rows: &[usize],
     at_suns: &[f64],
@@ -144,9 +144,9 @@ fn design(
     out
 }
 
-/// Least squares with many right sides.
+/// The result of least squares with many right sides.
 pub(super) struct Solved {
-    /// Function by function.
+    /// One function after another.
     pub solution: Vec<f64>,
     pub squares: f64,
     pub worst: f64,
@@ -161,7 +161,7 @@ pub(super) fn least_squares(a: Vec<f64>, right: Vec<f64>, m: usize, n: usize) ->
     let k = right.len() / m;
     let mut both = a.clone();
     both.extend_from_slice(&right);
-    // The right sides ride along as further columns: after n reflections their tops are Qᵀb.
+    // The right sides are appended as further columns: after n reflections their first n rows are Qᵀb.
     qr::reduce(&mut both, m, n + k, &mut vec![0.0; m]);
     let triangle = DMatrix::from_fn(n, n, |i, j| if i <= j { both[j * m + i] } else { 0.0 });
     let sigma = decompose::singular_values(triangle.clone()).unwrap_or_else(|| DVector::zeros(n));

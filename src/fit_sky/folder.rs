@@ -10,7 +10,7 @@ use mesophyll_sky::fitted::{Basis, Folded, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The arrays of a fit; any JSON reader has them.
+/// The arrays of a fit, in a form that any JSON reader understands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arrays {
@@ -25,10 +25,10 @@ pub struct Arrays {
     /// Folded: terms in v for each power of θs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rows: Vec<usize>,
-    /// Folded: u_0 of all functions of even order, u_1, u_2, term by term; then those of odd order.
+    /// Folded: for all functions of even order, u_0, then u_1, then u_2, each term by term.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub even: Vec<f32>,
-    /// As `even`, for the functions of odd order.
+    /// Folded: the same for the functions of odd order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub odd: Vec<f32>,
     /// Tensor: `monomials` or `chebyshev`.
@@ -43,7 +43,7 @@ pub struct Arrays {
 }
 
 impl Arrays {
-    /// From a fit.
+    /// Packs the polynomials of a fit.
     pub fn new(form: &Form<f32>, model: &str) -> Arrays {
         let mut out = Arrays {
             form: String::new(),
@@ -72,7 +72,7 @@ impl Arrays {
         out
     }
 
-    /// The polynomials again.
+    /// Unpacks the polynomials.
     ///
     /// # Errors
     /// A sentence that names the field.
@@ -106,12 +106,12 @@ pub struct Made {
     pub narrow: Judged,
     /// Size of the written arrays.
     pub bytes: usize,
-    /// Smallest c00 of the domain, which errors are relative to.
+    /// Smallest c00 of the domain. Errors are relative to it.
     pub smallest_c00: f64,
 }
 
-/// Fits a sky over ground of this albedo into the folder `out`. It is fitted anew also where the folder holds this very
-/// fit, which takes milliseconds.
+/// Fits a sky over ground of this albedo and writes the folder `out`. The fit takes milliseconds, so it is repeated
+/// even where the folder already holds it.
 ///
 /// # Errors
 /// Options that cannot be fitted, a fit that failed; a folder that cannot be written or that holds something else.
@@ -173,7 +173,7 @@ fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> 
     let mut all = Section { condition: Some(fit.condition), rank: Some(fit.rank), ..Section::default() };
     let functions = 3 * options.bands * (options.bands + 1) / 2;
     all.terminations.insert(fit.termination.name().into(), functions);
-    // Integrals have no noise, so there is no χ²: what a polynomial leaves is its own misfit.
+    // Integrals have no noise, so there is no χ²: the residual of a polynomial is its own misfit.
     let mut figure = |name: &str, value: f64| all.figures.insert(name.into(), value);
     figure("error_worst", error.worst);
     figure("error_worst_f64", wide_error.worst);

@@ -1,4 +1,4 @@
-//! What a fit is worth: its error at skies between the nodes and on every edge of the domain, against direct
+//! The accuracy of a fit: its error at skies between the nodes and on every edge of the domain, compared with direct
 //! integration.
 
 use super::Form;
@@ -8,7 +8,7 @@ use mesophyll_sky::{Coefficients, Model};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
-/// Skies integrated directly, to judge fits by.
+/// Skies that were integrated directly, to compare fits with.
 #[derive(Debug, Clone)]
 pub struct Reference {
     /// Bands N of the harmonics that are compared.
@@ -21,27 +21,27 @@ pub struct Reference {
     pub smallest: f64,
 }
 
-/// Errors over all skies of a [`Reference`], each over its smallest c00.
+/// Errors over all skies of a [`Reference`], each divided by its smallest c00.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// Root of the sum of squared coefficient errors: worst channel, worst sky. The house's measure (and Habel 2009 Eq.
-    /// 5.4).
+    /// Root of the sum of squared coefficient errors, for the worst channel of the worst sky. This is the measure used
+    /// throughout (and Habel 2009 Eq. 5.4).
     pub worst: f64,
-    /// Sun zenith angle, turbidity and channel of the worst.
+    /// Sun zenith angle, turbidity and channel of the worst error.
     pub worst_at: (f64, f64, usize),
     /// Median over skies of the worst channel.
     pub median: f64,
     /// Sum of absolute coefficient errors: worst channel, worst sky (Habel 2009 Eq. 5.3).
     pub worst_sum: f64,
-    /// `worst` and `worst_sum` with the first N bands alone, N = 1, 2, …
+    /// `worst` and `worst_sum` with only the first N bands, N = 1, 2, …
     pub by_bands: Vec<[f64; 2]>,
     /// Skies that the fit refused.
     pub refused: usize,
 }
 
 impl Reference {
-    /// `suns` × `turbid` skies: sun angles evenly spread and closer at the horizon, turbidities evenly spread, all ends
-    /// included.
+    /// `suns` × `turbid` skies. Sun angles are evenly spaced but closer at the horizon, turbidities are evenly spaced,
+    /// and all ends are included.
     ///
     /// # Errors
     /// What the model refuses.
@@ -82,7 +82,8 @@ pub fn judge<T: Scalar>(form: &Form<T>, reference: &Reference) -> Judged {
 /// Judges anything that gives coefficients.
 pub fn judge_with(f: impl Fn(f64, f64) -> Option<Coefficients> + Sync, reference: &Reference) -> Judged {
     let bands = reference.bands;
-    // For each sky: by bands, [root of squares, sum] of the worst channel; and the channel of the worst at all bands.
+    // For each sky: [root of squares, sum] of the worst channel for each number of bands, and the channel that is worst
+    // with all bands.
     let errors: Vec<Option<(Vec<[f64; 2]>, usize)>> = reference
         .skies
         .par_iter()

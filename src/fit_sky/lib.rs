@@ -1,9 +1,9 @@
-//! Fits of a sky's harmonics over sun zenith angle and turbidity: linear least squares, by several bases, judged by one
-//! measure.
+//! Fits of a sky's harmonic coefficients over sun zenith angle and turbidity: linear least squares in several bases,
+//! all judged by one measure.
 //!
-//! Error measure, everywhere: at one sky, the root of the sum of squared coefficient errors of a channel; over the
-//! smallest c00 of the domain (of all channels); the worst channel of the worst sky. Domain: sun zenith 0 … π/2,
-//! turbidity 2.5 … 6 (the dissertation's) unless stated.
+//! The measure of error is the same everywhere. At one sky and channel it is the root of the sum of squared coefficient
+//! errors, divided by the smallest c00 of the domain (of all channels). The worst channel of the worst sky counts. The
+//! domain is sun zenith 0 … π/2 and turbidity 2.5 … 6 (the dissertation's) unless stated otherwise.
 //!
 //! | to … | call |
 //! |---|---|
@@ -70,7 +70,7 @@ pub enum SkyModel {
 }
 
 impl SkyModel {
-    /// The model over ground of this albedo, 0 to 1, which Preetham's does not know.
+    /// The model over ground of this albedo, 0 to 1. Preetham's model knows no ground.
     ///
     /// # Errors
     /// [`Error::Usage`] for another albedo.
@@ -106,10 +106,10 @@ impl Default for Options {
     }
 }
 
-/// Most bands of a fit; beyond, integrate directly.
+/// Largest number of bands of a fit; beyond it, skies are integrated directly.
 pub const MOST_BANDS: usize = 12;
 
-/// Fitted polynomials of either form. There are a handful of them at most, so that their size on the stack does not
+/// Fitted polynomials of either form. A program holds only a handful of them, so their size on the stack does not
 /// matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
@@ -138,14 +138,14 @@ impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
             Form::Tensor(f) => f.bands(),
         }
     }
-    /// Least and greatest turbidity that it may be asked for.
+    /// Least and greatest turbidity that the polynomials cover.
     pub fn turbidities(&self) -> [f64; 2] {
         match self {
             Form::Folded(f) => f.turbidities(),
             Form::Tensor(f) => f.turbidities(),
         }
     }
-    /// Terms a polynomial.
+    /// Number of terms in a polynomial.
     pub fn terms(&self) -> usize {
         match self {
             Form::Folded(f) => f.terms(),
@@ -168,26 +168,26 @@ impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
     }
 }
 
-/// What a fit came to.
+/// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
     /// What was asked for.
     pub options: Options,
     /// Name of the sky's model.
     pub model: String,
-    /// `None` where the method failed: nothing is handed back then.
+    /// The polynomials; `None` where the method failed.
     pub form: Option<Form>,
     /// How the fit ended.
     pub termination: Termination,
-    /// Why it failed or what to know of it; empty where all is well.
+    /// Why the fit failed, or a remark on it; empty where all is well.
     pub remark: String,
-    /// Condition number of the design matrix as the method has it, columns unscaled; infinite where it lacks rank.
+    /// Condition number of the method's design matrix, with unscaled columns; infinite where it lacks rank.
     pub condition: f64,
     /// Rank of the design matrix; the fit is unique where it equals `columns`.
     pub rank: usize,
     /// Columns of the design matrix.
     pub columns: usize,
-    /// Samples times functions.
+    /// Number of samples times number of functions.
     pub samples: usize,
     /// Root mean square of the residuals at the samples (kcd/m², weighted as the fit weighs them).
     pub rms: f64,
@@ -219,7 +219,7 @@ pub fn fit(options: &Options) -> Result<Fitted> {
     })
 }
 
-/// Fits any model as a black box, by [`Method::Chebyshev`]: nothing is known of it but its values.
+/// Fits any model by [`Method::Chebyshev`] as a black box: nothing but its values is used.
 ///
 /// # Errors
 /// As [`fit`]; any other method.
@@ -255,8 +255,8 @@ fn check(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The fit that the program uses by itself ([`Method::Fine`], 7 bands, turbidity 2.5 to 6), in f32: made at the first
-/// call.
+/// The fit that the program uses itself ([`Method::Fine`], 7 bands, turbidity 2.5 to 6), in f32. It is made at the
+/// first call.
 ///
 /// # Errors
 /// As [`fit`].

@@ -1,5 +1,5 @@
-//! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), and the integrals there without their
-//! prefactors.
+//! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), where θs is the sun's zenith angle and τ the
+//! turbidity. Also the integrals at these nodes, without their prefactors.
 
 use mesophyll_sky::fitted::Folded;
 use mesophyll_sky::fitted::folded::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
@@ -8,8 +8,8 @@ use mesophyll_sky::project::{Quality, Rule};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Sun angles at the positive half of 2n Chebyshev nodes on (−π/2, π/2): functions of one parity need no more. From the
-/// horizon upwards.
+/// Sun angles at the positive half of 2n Chebyshev nodes on (−π/2, π/2), from the horizon upwards. Functions of one
+/// parity need no more.
 pub fn half(n: usize) -> Vec<f64> {
     (0..n).map(|k| FRAC_PI_2 * (PI * (k as f64 + 0.5) / (2 * n) as f64).cos()).collect()
 }
@@ -25,18 +25,19 @@ pub fn turbidities(n: usize, [low, high]: [f64; 2]) -> Vec<f64> {
     whole(n, ends).into_iter().map(|v| TURBIDITY_ZERO + v.exp()).collect()
 }
 
-/// The integrals of Y, Y/y, Y·x/y without prefactors times each basis function of m ≥ 0, at every sun and turbidity.
+/// The integrals of Y, Y/y and Y·x/y (luminance Y, chromaticities x and y) without prefactors, times each basis
+/// function of m ≥ 0, at every sun and turbidity.
 #[derive(Debug, Clone)]
 pub struct Samples {
     pub suns: Vec<f64>,
     pub turbidities: Vec<f64>,
-    /// [sun][turbidity][l(l+1)/2 + m].
+    /// Indexed [sun][turbidity][l(l+1)/2 + m].
     pub values: Vec<Vec<Vec<[f64; 3]>>>,
-    /// Directions looked at.
+    /// How many directions were evaluated.
     pub evaluations: usize,
 }
 
-/// Integrates, in parallel over the suns: one rule serves all turbidities.
+/// Integrates, in parallel over the suns. One quadrature rule serves all turbidities.
 pub fn sample(suns: Vec<f64>, turbidities: Vec<f64>, bands: usize, quality: Quality) -> Samples {
     let turbid: Vec<Turbid> = turbidities.iter().map(|t| Turbid::new(*t)).collect();
     let done: Vec<(usize, Vec<Vec<[f64; 3]>>)> = suns
@@ -51,15 +52,15 @@ pub fn sample(suns: Vec<f64>, turbidities: Vec<f64>, bands: usize, quality: Qual
     Samples { suns, turbidities, values: done.into_iter().map(|d| d.1).collect(), evaluations }
 }
 
-/// The interpolant through so many nodes that nothing of the sky is lost (1e-7 of the smallest c00, tested): what fills
-/// a dense grid in place of an integration at each of its points. All its terms come from the discrete orthogonality of
+/// The interpolant through so many nodes that nothing of the sky is lost (1e-7 of the smallest c00, tested). It fills a
+/// dense grid instead of an integration at each grid point. All its terms come from the discrete orthogonality of
 /// Chebyshev polynomials at their nodes.
 pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
     const SUNS: usize = 32;
     const TURBID: usize = 20;
     let samples = sample(half(SUNS), turbidities(TURBID, range), bands, Quality::Fit);
     let (orders, mix) = (Orders::new(bands), Mix::new(range));
-    // weights of the discrete transform: 2/n, and half of that for degree 0
+    // Weights of the discrete transform: 2/n, and half of that for degree 0.
     let mut columns = vec![[0.0; TURBID]; TURBID];
     for (row, t) in columns.iter_mut().zip(&samples.turbidities) {
         mesophyll_sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, row);
@@ -94,7 +95,7 @@ pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
     Folded::new(bands, range, vec![TURBID; SUNS], e, o)
 }
 
-/// l(l+1)/2 + m of a function at l(l+1) + m, m ≥ 0.
+/// The index l(l+1)/2 + m of the function with the index l(l+1) + m, for m ≥ 0.
 pub fn lower(place: usize) -> usize {
     let l = place.isqrt();
     let m = place - l * (l + 1);

@@ -1,9 +1,9 @@
-//! Fits without knowledge of the sky: products of two polynomial bases, the dissertation's monomials (Habel 2009 Eq.
-//! 5.1) and Chebyshev polynomials.
+//! Fits without knowledge of the sky, with products of two polynomial bases: the dissertation's monomials (Habel 2009
+//! Eq. 5.1) or Chebyshev polynomials.
 //!
-//! On a product grid the design matrix is a Kronecker product Θ ⊗ T, and so are its QR factors: 250,000 × 112 is never
-//! formed. What the dissertation's choice costs is seen all the same: the condition number of the product is the
-//! product of the two, and the normal equations square it.
+//! On a product grid the design matrix is a Kronecker product Θ ⊗ T, and so are its QR factors. So the matrix of
+//! 250,000 × 112 is never formed. The weakness of the dissertation's choice still shows: the condition number of the
+//! product is the product of the two, and the normal equations square it.
 
 use super::nodes;
 use super::{Fitted, Form, Method, Options};
@@ -23,7 +23,7 @@ const NODES: [usize; 2] = [24, 12];
 /// Coefficients of all functions (channel by channel, l(l+1)/2 + m) at every sun, for one turbidity.
 type Column = Vec<f64>;
 
-/// Fits by the options' method; a model other than Preetham at nodes alone.
+/// Fits by the options' method. A model other than Preetham's is fitted at nodes only.
 pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
     let clock = Instant::now();
     let basis = match options.method {
@@ -80,7 +80,7 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
         Ok(columns) => columns,
         Err(why) => return Fitted { remark: why, ..fitted },
     };
-    // Singular values of a Kronecker product are the products.
+    // The singular values of a Kronecker product are the products of the factors' singular values.
     let (a, b) = (theta.singular_values(), tau.singular_values());
     let values: Vec<f64> = a.iter().flat_map(|x| b.iter().map(move |y| x * y)).collect();
     let (largest, smallest) = values.iter().fold((0.0f64, f64::INFINITY), |(l, s), v| (l.max(*v), s.min(*v)));
@@ -128,7 +128,7 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
     fitted
 }
 
-/// Integrates at every node; a black box.
+/// Integrates a black-box model at every node.
 fn by_integration(
     model: &dyn Model,
     suns: &[f64],
@@ -192,7 +192,7 @@ fn by_interpolation(suns: &[f64], turbidities: &[f64], options: &Options) -> Res
         .collect()
 }
 
-/// Orthonormal columns and the triangle: Gram–Schmidt, twice, which is as orthogonal as reflections.
+/// Orthonormal columns and the triangle, by Gram–Schmidt done twice, which is as orthogonal as reflections.
 fn orthogonal(a: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let n = a.ncols();
     let (mut q, mut r) = (a.clone(), DMatrix::zeros(n, n));
@@ -214,7 +214,7 @@ fn orthogonal(a: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     (q, r)
 }
 
-/// Sums of left ⊗ right against the samples: for each i, for each j, all functions.
+/// The products of left ⊗ right with the samples: for each i and each j, all functions.
 fn project(left: &DMatrix<f64>, right: &DMatrix<f64>, columns: &[Column]) -> Vec<Vec<f64>> {
     let (m, n) = (left.nrows(), left.ncols());
     let width = columns.first().map_or(0, |c| c.len() / m);
@@ -246,7 +246,7 @@ fn project(left: &DMatrix<f64>, right: &DMatrix<f64>, columns: &[Column]) -> Vec
     out
 }
 
-/// QR of the product: its triangle is Rθ ⊗ Rτ, itself a triangle, solved from the last column to the first.
+/// QR of the product. Its triangle is Rθ ⊗ Rτ, which is itself a triangle, solved from the last column to the first.
 fn by_qr(theta: &DMatrix<f64>, tau: &DMatrix<f64>, columns: &[Column]) -> Vec<Vec<f64>> {
     let ((q1, r1), (q2, r2)) = (orthogonal(theta), orthogonal(tau));
     let mut x = project(&q1, &q2, columns);
@@ -266,7 +266,7 @@ fn by_qr(theta: &DMatrix<f64>, tau: &DMatrix<f64>, columns: &[Column]) -> Vec<Ve
     x
 }
 
-/// The Gram matrix and its Cholesky factor.
+/// Solves by the Gram matrix and its Cholesky factor.
 fn normal_equations(theta: &DMatrix<f64>, tau: &DMatrix<f64>, columns: &[Column]) -> Result<Vec<Vec<f64>>, String> {
     let gram = (theta.transpose() * theta).kronecker(&(tau.transpose() * tau));
     let right = project(theta, tau, columns);
@@ -292,7 +292,7 @@ fn residual(theta: &DMatrix<f64>, tau: &DMatrix<f64>, columns: &[Column], x: &[V
         .par_iter()
         .enumerate()
         .map(|(b, column)| {
-            // polynomials in θs alone at this turbidity
+            // Polynomials in θs alone, at this turbidity.
             let mut lines = vec![0.0; theta.ncols() * width];
             for (i, line) in lines.chunks_exact_mut(width).enumerate() {
                 for j in 0..tau.ncols() {

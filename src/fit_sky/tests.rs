@@ -1,4 +1,5 @@
-//! The fits meet their targets, the dissertation's fail as they should, and nothing outside is answered.
+//! The program's fits meet their targets, the dissertation's fits fail as they should, and nothing is answered outside
+//! of the domain.
 
 use super::judge::{Reference, judge};
 use super::*;
@@ -17,7 +18,8 @@ fn fitted(method: Method) -> Fitted {
 
 #[test]
 fn the_two_tiers_meet_their_targets_in_f32() {
-    // README.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes: a fifth above is another fit.
+    // README.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes. An error a fifth larger would
+    // mean another fit.
     for (method, target, bytes) in [(Method::Compact, 1.3e-5, 26_880), (Method::Fine, 4.9e-6, 41_664)] {
         let fit = fitted(method);
         let form = fit.form.unwrap();
@@ -37,7 +39,7 @@ fn the_two_tiers_meet_their_targets_in_f32() {
         assert!(narrow.worst <= target && narrow.refused == 0, "{}: {:.1e}", method.name(), narrow.worst);
         assert_eq!(form.narrow().bytes(), bytes);
         assert!(fit.rank == fit.columns && fit.condition < 100.0 && fit.termination == Termination::Direct);
-        // single precision costs a few roundings of the brightest sky, here four, over the darkest
+        // Single precision costs a few roundings of the brightest sky (here four) relative to the darkest.
         let brightest = reference().skies.iter().flat_map(|s| s.2.get(0, 0)).fold(0.0, f64::max);
         let rounding = 0.5 * f64::from(f32::EPSILON) * brightest / reference().smallest;
         assert!((narrow.worst - wide.worst).abs() < 4.0 * rounding, "{:.1e} {rounding:.1e}", narrow.worst - wide.worst);
@@ -66,14 +68,14 @@ fn the_dense_interpolant_loses_nothing() {
     assert!(judged.worst < 1e-6, "{:.1e}", judged.worst);
 }
 
-/// Three bands on a small grid: the bases fail or hold alike with any.
+/// Three bands on a small grid: the bases fail or work in the same way with any number of bands.
 fn small(method: Method) -> (Fitted, Reference) {
     let reference = Reference::new(&Preetham, 3, preetham::TRUSTED, 14, 6).unwrap();
     (fit(&Options { method, bands: 3, grid: 60, ..Options::default() }).unwrap(), reference)
 }
 
-/// Raw monomials: condition beyond 1e19 and a Gram matrix beyond f64; Chebyshev polynomials span the same space with a
-/// condition of a few.
+/// Raw monomials have a condition beyond 1e19 and a Gram matrix beyond f64. Chebyshev polynomials span the same space
+/// with a condition of a few.
 #[test]
 fn monomials_fail_where_chebyshev_does_not() {
     let ((normal, reference), (qr, _), (chebyshev, _)) =
@@ -102,9 +104,9 @@ fn monomials_fail_where_chebyshev_does_not() {
     );
     let error = |f: &Fitted| judge(f.form.as_ref().unwrap(), &reference).worst;
     let narrow = |f: &Fitted| judge(&f.form.as_ref().unwrap().narrow(), &reference).worst;
-    // in single precision the monomials are useless, Chebyshev polynomials are what they were
+    // In single precision the monomials are useless, while the Chebyshev polynomials keep their accuracy.
     assert!(narrow(&qr) > 0.1 && (narrow(&chebyshev) / error(&chebyshev) - 1.0).abs() < 0.01);
-    // in f64 both are the same polynomials
+    // In f64 both are the same polynomials.
     assert!((error(&qr) / error(&chebyshev) - 1.0).abs() < 0.01, "{:.2e} {:.2e}", error(&qr), error(&chebyshev));
 }
 
@@ -115,7 +117,7 @@ fn nodes_beat_the_uniform_grid() {
     assert!(error(&nodes) < error(&grid), "{:.1e} {:.1e}", error(&nodes), error(&grid));
 }
 
-/// The black box: another sky through the same fit, judged against its own projection.
+/// Another sky is fitted as a black box and compared with its own projection.
 #[test]
 fn another_model_is_fitted_as_a_black_box() {
     let model = HosekWilkie { albedo: [0.2; 3] };

@@ -1,11 +1,12 @@
-//! A window fitted to skies: as little ringing below the horizon as possible for as little loss of irradiance.
+//! A window fitted to skies: it causes as little ringing below the horizon as possible while losing as little
+//! irradiance as possible.
 //!
-//! Unknown are the factors w_1 … w_{N−1} (w_0 = 1). Residuals: for many directions below the horizon the square of how
-//! far the windowed luminance dips below zero, over the sky's mean; and, times a weight, the square of the relative
-//! change of the irradiance upwards and, at half the weight, on four tilted normals. (Squared once more by the least
-//! squares, so that the deepest dip and the largest loss count most.) The weight moves along the front between the two;
-//! [`matched`] stops where the dip equals that of the sin x/x window on all orders, so that the two can be compared by
-//! their loss alone.
+//! The unknowns are the factors w_1 … w_{N−1} of the bands (w_0 = 1). There are two kinds of residuals. For many
+//! directions below the horizon it is the square of how far the windowed luminance dips below zero, relative to the
+//! sky's mean. Times a weight, it is the square of the relative change of the irradiance upwards and, at half the
+//! weight, on four tilted normals. Least squares squares them once more, so the deepest dip and the largest loss count
+//! most. A larger weight loses less irradiance and allows deeper dips. [`matched`] takes the weight at which the dip
+//! equals that of the sin x/x window on all orders, so that the two can be compared by their loss alone.
 
 use crate::{Error, Result};
 use mesophyll_sky::harmonics::Basis;
@@ -37,7 +38,7 @@ pub enum WindowKind {
 }
 
 impl WindowKind {
-    /// The window on so many bands; none where nothing is to be changed.
+    /// The window on this many bands; `None` where nothing is changed.
     ///
     /// # Errors
     /// As [`matched`].
@@ -52,11 +53,11 @@ impl WindowKind {
     }
 }
 
-/// Suns and turbidities of the fit, and of the table (none in common).
+/// Suns and turbidities of the fit, and of the table; they have none in common.
 const FITTED_ON: ([f64; 6], [f64; 3]) = ([0.1, 0.5, 0.9, 1.2, 1.4, 1.55], [2.5, 4.0, 6.0]);
 const SHOWN_ON: ([f64; 6], [f64; 3]) = ([0.0, 0.35, 0.75, 1.1, 1.3, 1.5], [2.7, 3.0, 5.5]);
 
-/// Upwards, and tilted by 45° to four sides.
+/// Normals: upwards, and tilted by 45° to four sides.
 const NORMALS: [[f64; 3]; 5] = [
     [0.0, 0.0, 1.0],
     [FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2],
@@ -77,7 +78,7 @@ fn skies((suns, turbidities): ([f64; 6], [f64; 3]), bands: usize) -> Result<Vec<
     Ok(rows?.concat())
 }
 
-/// Luminance of each band by itself in direction `d`.
+/// The luminance of each band alone in direction `d`.
 fn by_band(c: &Coefficients, d: [f64; 3], y: &mut [f64], basis: &Basis) -> Vec<f64> {
     basis.fill(d, y);
     (0..c.bands())
@@ -89,7 +90,7 @@ fn by_band(c: &Coefficients, d: [f64; 3], y: &mut [f64], basis: &Basis) -> Vec<f
         .collect()
 }
 
-/// Fits a window for N = `bands`; the greater `weight`, the less irradiance is lost and the deeper the dip.
+/// Fits a window for N = `bands`. A larger `weight` loses less irradiance and dips deeper.
 ///
 /// # Errors
 /// Fewer than two bands; a solver that did not converge.
@@ -99,7 +100,8 @@ pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
     }
     let basis = Basis::new(bands);
     let mut y = vec![0.0; bands * bands];
-    // rows of N numbers: bands of luminance below the horizon over the mean; bands of irradiance over the whole
+    // Rows of N numbers: the luminance of each band below the horizon over the mean, and the irradiance of each band
+    // over the whole.
     let (mut below, mut lit) = (Vec::new(), Vec::new());
     for c in skies(FITTED_ON, bands)? {
         let mean = colour::xyz_from_rgb(c.get(0, 0))[1] * (4.0 * PI).sqrt() / (2.0 * PI);
@@ -152,8 +154,8 @@ pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
     Ok((Window { name: "fitted".into(), orders: Orders::All, factors }, fit))
 }
 
-/// The window that loses the least irradiance of all that dip no deeper than the sin x/x window on all orders (over the
-/// skies fitted on).
+/// The window that loses the least irradiance among those that dip no deeper than the sin x/x window on all orders,
+/// over the skies of the fit.
 ///
 /// # Errors
 /// As [`fit`].
@@ -177,7 +179,7 @@ pub fn matched(bands: usize) -> Result<Window> {
     Ok(best)
 }
 
-/// What a window does over the skies of the table.
+/// The effect of a window on the skies of the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The window that was looked at.
@@ -190,10 +192,10 @@ pub struct Row {
     pub change_rms: f64,
 }
 
-/// The comparison: every window on skies that none was fitted on.
+/// The comparison of all windows, on skies that no window was fitted on.
 ///
 /// # Errors
-/// None but those of the skies.
+/// Only those of the skies.
 pub fn table(windows: Vec<Window>, bands: usize) -> Result<Vec<Row>> {
     let seen = skies(SHOWN_ON, bands)?;
     let basis = Basis::new(bands);
@@ -245,7 +247,7 @@ mod tests {
         }
         let by = |name: &str| rows.iter().find(|r| r.window.name == name).unwrap();
         let (zonal, lanczos, fitted) = (by("zonal"), by("lanczos"), by("fitted"));
-        // on skies it has not seen, as deep within a hundredth of the mean, and cheaper
+        // On skies that were not fitted, it dips no deeper within a hundredth of the mean, and loses less.
         assert!(fitted.dip.luminance > lanczos.dip.luminance - 0.01 && fitted.change_rms < lanczos.change_rms);
         assert!(lanczos.dip.luminance > zonal.dip.luminance + 0.05 && by("positive").dip.channel > -1e-9);
     }

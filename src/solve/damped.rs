@@ -1,18 +1,18 @@
 //! The loop of damped steps, for small fits that are run many times: texels, leaf-wide optics, slabs.
 //!
-//! A problem of fixed size keeps everything on the stack: it says what a point of it holds, how a step is made under a
-//! damping, and which of two points is the better one. The loop decides what is tried next and what is kept, and it
-//! allocates nothing. How it reacts to a rejected step is one of the few strategies in [`Control`]; the certified
-//! problems of NIST are run with each of them. Where a fit has many residuals of its own, [`super::lm`] is the solver.
+//! A problem of fixed size keeps everything on the stack. The problem defines what a point holds, how a step is made
+//! under a damping, and which of two points is better. The loop decides what is tried next and what is kept, and it
+//! allocates nothing. Its reaction to a rejected step is one of the few strategies in [`Control`]; the certified
+//! problems of NIST are run with each of them. For fits with many residuals, [`super::lm`] is the solver.
 //!
 //! D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11 (1963), 431–441.
 
 use super::trace::Termination;
 
-/// What is minimised, and what its steps are. The order of the calls: [`Damped::linearise`] once at a point, then for
+/// A function to minimise, with its steps. The order of the calls is: [`Damped::linearise`] once at a point, then for
 /// each try [`Damped::step`], [`Damped::end`], [`Damped::take`], [`Damped::better`].
 pub trait Damped {
-    /// A place with all that is known there.
+    /// A place, with everything that is known there.
     type Point;
     /// A move from a place.
     type Step;
@@ -37,23 +37,23 @@ pub trait Damped {
     }
 }
 
-/// A strategy: what follows a rejected step and an accepted one.
+/// A strategy: what happens after a rejected step and after an accepted one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {
-    /// Points reached at most.
+    /// Largest number of points reached.
     pub iterations: usize,
     /// Damping of the first step.
     pub damping: f64,
-    /// Dampings tried at a point, and the damping beyond which none is.
+    /// Largest number of dampings tried at a point.
     pub tries: usize,
     /// The damping beyond which no step is tried.
     pub most: f64,
-    /// A rejected step is first shortened to this share of itself, in so many trials altogether; then the damping
-    /// rises tenfold.
+    /// A rejected step is first shortened to this share of itself, `trials` times altogether; then the damping rises
+    /// tenfold.
     pub shorter: f64,
     /// How often a step is shortened before the damping rises.
     pub trials: usize,
-    /// The damping falls to this share of itself after an accepted step, but not below `least`.
+    /// After an accepted step the damping falls to this share of itself, but not below `least`.
     pub easier: f64,
     /// The damping falls no lower than this.
     pub least: f64,
@@ -72,8 +72,8 @@ impl Control {
         least: 1e-9,
     };
 
-    /// Gauss–Newton with a shortened step, and damping only where no share of the step helps. For steps that have to
-    /// keep to constraints: the damping does not bring those closer, a shorter step does.
+    /// Gauss–Newton with shortened steps, and damping only where no share of the step helps. It is for steps that must
+    /// keep to constraints: a shorter step brings these closer, damping does not.
     pub const SHORTENED: Control = Control {
         iterations: 60,
         damping: 0.0,
@@ -89,7 +89,7 @@ impl Control {
     pub const HALVED: Control = Control { tries: 1, shorter: 0.5, trials: 64, ..Control::SHORTENED };
 }
 
-/// Damping after a first undamped step that failed.
+/// The damping after an undamped first step has failed.
 const FIRST: f64 = 1e-3;
 
 /// Descends from `at`. Ends by the problem's own tests, as [`Termination::NotFinite`] where a step is not finite, as
@@ -132,7 +132,7 @@ pub fn minimize<P: Damped>(problem: &mut P, mut at: P::Point, control: &Control)
     (at, Termination::IterationLimit)
 }
 
-/// A step over the normal equations.
+/// A step found from the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalStep<const N: usize> {
     /// Change of each parameter.
@@ -141,8 +141,8 @@ pub struct NormalStep<const N: usize> {
     pub predicted: f64,
 }
 
-/// Solves (A + λ diag A) δ = g over the first `count` of `N` parameters by Cholesky, A = JᵀJ and g = −Jᵀr. A parameter
-/// without influence keeps its place; `None` where something is not finite.
+/// Solves (A + λ diag A) δ = g over the first `count` of `N` parameters by Cholesky, where A = JᵀJ and g = −Jᵀr. A
+/// parameter without influence does not move. `None` where something is not finite.
 pub fn normal_step<const N: usize>(
     normal: &[[f64; N]; N],
     gradient: &[f64; N],
@@ -200,7 +200,8 @@ pub fn newton_step(jacobian: &[[f64; 2]; 2], d: [f64; 2]) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// Rosenbrock's valley, residuals 10 (y − x²) and 1 − x; no value beyond `wall`. The slopes may be given wrong.
+    /// Rosenbrock's valley: residuals 10 (y − x²) and 1 − x, without a value beyond `wall`. A `sign` of −1 makes the
+    /// slopes wrong.
     struct Valley {
         wall: f64,
         sign: f64,
@@ -261,7 +262,7 @@ mod tests {
         let few = Control { iterations: 2, ..Control::MARQUARDT };
         assert_eq!(end(right(), [-1.2, 1.0], few).1, Termination::IterationLimit);
         assert_eq!(end(right(), [f64::NAN, 1.0], Control::MARQUARDT).1, Termination::NotFinite);
-        // Uphill, only rounding can still seem to be an improvement.
+        // Uphill, only rounding can look like an improvement.
         for control in [Control::MARQUARDT, Control::SHORTENED, Control::HALVED] {
             let (at, end) = end(Valley { wall: 1.5, sign: -1.0 }, [-1.2, 1.0], control);
             assert!(!end.converged() && (at[0] + 1.2).abs() < 1e-9 && (at[1] - 1.0).abs() < 1e-9, "{at:?} {end:?}");

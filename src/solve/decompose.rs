@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, SVD, SymmetricEigen};
 
-/// Sweeps at most. A decomposition takes about two a singular value; thirty is what LAPACK allows.
+/// Largest number of sweeps for each singular value. A decomposition takes about two; LAPACK allows thirty.
 const SWEEPS: usize = 30;
 /// nalgebra's own tolerance of convergence.
 const TOLERANCE: f64 = 5.0 * f64::EPSILON;

@@ -1,4 +1,4 @@
-//! Beyond one descent: trust radii of several scales, several starts, and what they agree on.
+//! Beyond one descent: trust radii of several scales, several starts, and which minima they agree on.
 //!
 //! Every descent is [`lm::minimize`]. Population methods (particle swarm, annealing) are not offered: for smooth least
 //! squares each of their thousands of evaluations is better spent on a descent from one more start, which also ends on
@@ -7,19 +7,19 @@
 use super::lm::{self, Fit, Options};
 use super::problem::Problem;
 
-/// First trust radii that [`minimize_scales`] tries in turn, times [`Options::initial_radius`]. A radius that is too
-/// long throws a start onto a plateau, one that is too short takes the nearest hollow.
+/// First trust radii that [`minimize_scales`] tries in turn, times [`Options::initial_radius`]. Too long a radius may
+/// lead to a plateau, too short a one may end in the nearest local minimum.
 const SCALES: [f64; 4] = [1.0, 100.0, 0.01, 10.0];
 
-/// Whether a fit may be taken as it is: converged, with every parameter determined.
+/// Whether a fit may be used as it is: it converged, with every parameter determined.
 pub fn is_sound(fit: &Fit) -> bool {
     fit.converged() && fit.uncertainty.undetermined.is_empty() && fit.params.iter().all(|p| p.is_finite())
 }
 
 /// [`lm::minimize`], tried again with other trust radii where it did not converge or left parameters undetermined.
 ///
-/// Returns the first sound fit ([`is_sound`]); where there is none, the converged one of least cost; where nothing
-/// converged, the first try. `evaluations` counts all tries, the trace is that of the fit returned.
+/// Returns the first sound fit ([`is_sound`]). Where there is none, it returns the converged fit of least cost; where
+/// nothing converged, the first try. `evaluations` counts all tries; the trace is that of the returned fit.
 pub fn minimize_scales(problem: &dyn Problem, start: &[f64], options: &Options) -> Fit {
     let mut evaluations = 0;
     let mut best: Option<Fit> = None;
@@ -60,7 +60,7 @@ pub struct MultiStart {
     pub best: Fit,
     /// Which start it came from.
     pub start: usize,
-    /// Distinct minima by rising cost. A best one that was hit once, among many, says that there may be better ones.
+    /// Distinct minima by rising cost. If the best one was hit only once among many starts, there may be better ones.
     pub minima: Vec<Minimum>,
     /// Starts that did not converge.
     pub failed: usize,
@@ -101,8 +101,8 @@ pub fn multi_start(problem: &dyn Problem, starts: &[Vec<f64>], options: &Options
     result.map(|r| MultiStart { best: Fit { evaluations, ..r.best }, minima, failed, ..r })
 }
 
-/// `count` starts that fill a box evenly: the Owen-scrambled Sobol sequence of `seed`. Up to 65,536 points and 256
-/// parameters; beyond, `None`. Also `None` for bounds that are not finite, crossed, or of different lengths.
+/// `count` starts that fill a box evenly: the Owen-scrambled Sobol sequence of `seed`. `None` for more than 65,536
+/// points or 256 parameters, and for bounds that are not finite, crossed, or of different lengths.
 pub fn starts_in_box(lower: &[f64], upper: &[f64], count: usize, seed: u32) -> Option<Vec<Vec<f64>>> {
     let usable =
         lower.len() == upper.len() && lower.iter().zip(upper).all(|(l, u)| l.is_finite() && u.is_finite() && l <= u);
@@ -121,7 +121,8 @@ mod tests {
     use super::super::problem::Closure;
     use super::*;
 
-    /// A sine of unknown frequency: a minimum about every half cycle over the record, one of them right.
+    /// A sine of unknown frequency: there is a minimum at about every half cycle over the record, and one of them is
+    /// right.
     fn sine(p: &[f64], r: &mut [f64]) {
         for (i, r) in r.iter_mut().enumerate() {
             let t = i as f64 * 0.1;
@@ -158,7 +159,8 @@ mod tests {
         assert!(starts_in_box(&[0.0], &[1.0, 2.0], 4, 0).is_none());
     }
 
-    /// A start on the far side of a plateau: the first radius lands where the exponential is gone, another does not.
+    /// A start on the far side of a plateau: the first radius lands where the exponential has vanished, another radius
+    /// does not.
     #[test]
     fn another_radius_rescues_a_start_that_ends_on_a_plateau() {
         let data = [109.0, 149.0, 149.0, 191.0, 213.0, 224.0];

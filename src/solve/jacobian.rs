@@ -1,13 +1,13 @@
 //! Numeric derivatives, and the check of analytic ones against them.
 
-// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+// A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::problem::Problem;
 
-/// Numeric Jacobian by central differences at two step lengths and Richardson's extrapolation: error of order h⁴, about
-/// eleven digits for a smooth model. Beside a bound the steps are shortened, and on it the difference is one-sided
-/// (error of order h²).
+/// Numeric Jacobian by central differences at two step lengths and Richardson's extrapolation. The error is of order
+/// h⁴; a smooth model gives about eleven digits. Near a bound the steps are shortened, and on a bound the difference is
+/// one-sided (error of order h²).
 ///
 /// `lower` and `upper` may be empty (no bounds). Returns the number of residual evaluations; `out` as in
 /// [`Problem::jacobian`].
@@ -28,14 +28,14 @@ pub fn numeric(problem: &dyn Problem, params: &[f64], lower: &[f64], upper: &[f6
         let x0 = params[j];
         let low = lower.get(j).copied().unwrap_or(f64::NEG_INFINITY);
         let high = upper.get(j).copied().unwrap_or(f64::INFINITY);
-        // Truncation h⁴ balances rounding ε/h at h ≈ ε^(1/5). A parameter at zero has no scale of its own but its
-        // bounds'.
+        // The truncation error h⁴ balances the rounding error ε/h at h ≈ ε^(1/5). A parameter at zero has no scale but
+        // that of its bounds.
         let scale = if x0 != 0.0 { x0.abs() } else { (high - low).min(1.0) };
         let wanted = scale * f64::EPSILON.powf(0.2);
         let room = (x0 - low).min(high - x0);
         let column = &mut out[j * m..(j + 1) * m];
         if room > 0.05 * wanted {
-            // A step that is a difference of two doubles: x0 + h − x0 = h exactly.
+            // The step is the difference of two doubles, so that (x0 + h) − x0 = h exactly.
             let h = exact_step(x0, wanted.min(room));
             let (half, quarter_steps) = (exact_step(x0, h / 2.0), 2.0);
             at(j, x0 + h, &mut a);
@@ -51,7 +51,7 @@ pub fn numeric(problem: &dyn Problem, params: &[f64], lower: &[f64], upper: &[f6
                 column[i] = narrow + (narrow - wide) / (q - 1.0);
             }
         } else {
-            // One-sided, away from the bound: (4 f(h) − f(2h) − 3 f(0)) / 2h, h ≈ ε^(1/3).
+            // A one-sided difference away from the bound: (4 f(h) − f(2h) − 3 f(0)) / 2h with h ≈ ε^(1/3).
             let sign = if high - x0 >= x0 - low { 1.0 } else { -1.0 };
             let h = sign * exact_step(x0, (scale * f64::EPSILON.cbrt()).min((high - low) / 4.0));
             at(j, x0, &mut a);
@@ -76,7 +76,7 @@ fn exact_step(x: f64, h: f64) -> f64 {
 pub struct Check {
     /// Largest difference, relative to the largest entry of its column.
     pub worst: f64,
-    /// Where it is.
+    /// Row of the worst entry.
     pub residual: usize,
     /// Column of the worst entry.
     pub parameter: usize,

@@ -1,5 +1,5 @@
-//! Minimising a smooth cost by its gradient alone: argmin's L-BFGS behind our trace and termination names. For costs
-//! whose gradient is cheap and whose Jacobian is not (adjoint models); where the Jacobian is at hand, [`super::lm`]
+//! Minimises a smooth cost by its gradient alone: argmin's L-BFGS with our trace and termination names. It is for costs
+//! whose gradient is cheap and whose Jacobian is not (adjoint models). Where the Jacobian is available, [`super::lm`]
 //! takes fewer steps.
 //!
 //! D. C. Liu and J. Nocedal, "On the limited memory BFGS method for large scale optimization", Mathematical Programming
@@ -20,8 +20,8 @@ use std::time::Instant;
 pub trait Smooth {
     /// How many parameters there are.
     fn parameters(&self) -> usize;
-    /// The cost at `params`, its gradient into `gradient`. NaN where the model has no value; the line search then gives
-    /// up.
+    /// Returns the cost at `params` and writes its gradient into `gradient`. Returns NaN where the model has no value;
+    /// then the line search gives up.
     fn evaluate(&self, params: &[f64], gradient: &mut [f64]) -> f64;
 }
 
@@ -32,7 +32,7 @@ pub struct Descent {
     pub params: Vec<f64>,
     /// Cost at `params`.
     pub cost: f64,
-    /// In the problem's own coordinates.
+    /// Gradient in the problem's own coordinates.
     pub gradient: Vec<f64>,
     /// Why it ended.
     pub termination: Termination,
@@ -40,20 +40,20 @@ pub struct Descent {
     pub trace: Trace,
     /// The point of each row of the trace.
     pub points: Vec<Vec<f64>>,
-    /// Costs with gradient.
+    /// How often the cost was evaluated with its gradient.
     pub evaluations: usize,
 }
 
 /// When to stop.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
-    /// Length of the gradient in the coordinates of the metric.
+    /// Stops where the gradient, in the coordinates of the metric, is shorter than this.
     pub gradient: f64,
-    /// Iterations at most.
+    /// Largest number of iterations.
     pub iterations: usize,
 }
 
-/// Where a round of descents begins.
+/// The cost and its derivatives where a round of descents begins.
 pub struct Normal {
     /// ½ Σ r².
     pub cost: f64,
@@ -63,7 +63,7 @@ pub struct Normal {
     pub matrix: DMatrix<f64>,
 }
 
-/// Directions whose curvature is less than this share of the largest are not determined by rounding's account.
+/// Directions whose curvature is less than this share of the largest are not determined, because of rounding.
 const FLAT: f64 = 1e-13;
 
 /// Length of the Newton step in standard errors, over the determined directions.
@@ -73,9 +73,10 @@ pub fn distance(eigen: &SymmetricEigen<f64, Dyn>, gradient: &DVector<f64>) -> f6
     along.iter().zip(eigen.eigenvalues.iter()).filter(|(_, l)| **l > cut).map(|(g, l)| g * g / l).sum::<f64>().sqrt()
 }
 
-/// One round of a descent that renews its coordinates: [`minimize`] from `p`, in coordinates that JᵀJ there (`eigen` is
-/// of it) makes round, and damped so that no parameter's first step is longer than `longest`. The best point is left in
-/// `p`, and `damping` falls to a tenth; where there is no better one, it rises tenfold.
+/// One round of a descent that renews its coordinates. It runs [`minimize`] from `p`, in coordinates in which JᵀJ at
+/// `p` (decomposed in `eigen`) is close to the identity, damped so that no parameter's first step is longer than
+/// `longest`. The best point is left in `p`, and `damping` falls to a tenth. Where there is no better point, `damping`
+/// rises tenfold.
 pub fn round(
     problem: &dyn Smooth,
     p: &mut Vec<f64>,
@@ -95,7 +96,8 @@ pub fn round(
     found
 }
 
-/// W with W Wᵀ = (JᵀJ + λ)⁻¹, λ at least `damping` and large enough for a first step of at most `limit`.
+/// The matrix W with W Wᵀ = (JᵀJ + λ)⁻¹, where λ is at least `damping` and large enough for a first step of at most
+/// `limit`.
 fn metric(eigen: &SymmetricEigen<f64, Dyn>, gradient: &DVector<f64>, damping: f64, limit: f64) -> DMatrix<f64> {
     let along = eigen.eigenvectors.tr_mul(gradient);
     let largest = eigen.eigenvalues.max();
@@ -113,7 +115,7 @@ fn metric(eigen: &SymmetricEigen<f64, Dyn>, gradient: &DVector<f64>, damping: f6
 
 type Vector = DVector<f64>;
 
-/// One evaluation, kept: argmin asks for cost and gradient apart.
+/// The last evaluation is kept, because argmin asks for cost and gradient separately.
 struct Known {
     u: Vector,
     params: Vec<f64>,
@@ -131,7 +133,7 @@ struct Cost<'a> {
 }
 
 impl Cost<'_> {
-    /// An error where the search has left all numbers: argmin's line search would try them for ever.
+    /// Returns an error where the search has left the range of numbers: argmin's line search would go on for ever.
     fn known<T>(&self, u: &Vector, read: impl Fn(&Known) -> T) -> Result<T, argmin::core::Error> {
         let mut last = self.last.borrow_mut();
         if let Some(known) = last.as_ref().filter(|k| &k.u == u) {
@@ -199,9 +201,9 @@ impl Observe<Quasi> for Recorder {
     }
 }
 
-/// L-BFGS from `start`, in coordinates u with params = start + `metric` · u. With a metric that makes the cost about
-/// ½|u|² (an inverse root of its second derivatives) the first step is Newton's and few are needed; `trace` and
-/// `limits` are in these coordinates.
+/// L-BFGS from `start`, in coordinates u with params = start + `metric` · u. If the metric makes the cost about ½|u|²
+/// (an inverse root of its second derivatives), the first step is Newton's and few are needed. `trace` and `limits` are
+/// in these coordinates.
 ///
 /// Ends as [`Termination::GradientSmall`], [`Termination::CostConverged`] (no change left to see),
 /// [`Termination::IterationLimit`], [`Termination::NoProgress`] (the line search found nothing),
@@ -239,7 +241,7 @@ pub fn minimize(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limi
         best: best.clone(),
         evaluations: evaluations.clone(),
     };
-    // A line search that begins without a value may stumble on one; that is no descent.
+    // A line search that begins without a value may find one by chance; that is no descent.
     if !cost.known(&DVector::zeros(n), |k| k.cost).is_ok_and(f64::is_finite) {
         return nothing(Termination::NotFinite, evaluations.get());
     }

@@ -14,10 +14,10 @@ use std::time::Instant;
 /// infinity drops its row. With [`Noise::Known`] the errors are those that `sigma` implies (1 where empty); with
 /// [`Noise::Estimated`] they are scaled by the reduced χ².
 ///
-/// Columns may have any scale. Where the columns are dependent, the solution is the one of least length in
-/// column-scaled coordinates and the parameters that take part in an undetermined direction are NaN, with infinite
-/// errors; `fit.residuals` is still the best possible. Wrong lengths, no data, a σ ≤ 0 and values that are not finite
-/// end as [`Termination::Refused`], with NaN everywhere.
+/// Columns may have any scale. Where the columns are dependent, the solution is the shortest one in column-scaled
+/// coordinates. The parameters that take part in an undetermined direction are then NaN with infinite errors, while
+/// `fit.residuals` is still the best possible. Wrong lengths, no data, a σ ≤ 0 and values that are not finite end as
+/// [`Termination::Refused`], with NaN everywhere.
 pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
     let clock = Instant::now();
     let (m, n) = a.shape();

@@ -1,4 +1,4 @@
-//! What the solver is given: residuals of `n` parameters, with derivatives where the model has them.
+//! The input of the solver: residuals of `n` parameters, with derivatives where the model has them.
 
 /// A least-squares problem: minimise ½ Σ r². Residuals are weighted: divided by their standard error where it is known.
 pub trait Problem {
@@ -8,8 +8,8 @@ pub trait Problem {
     fn residuals(&self) -> usize;
     /// Writes the `m` residuals at `params`. Where the model has no value it writes NaN; the solver then steps back.
     fn evaluate(&self, params: &[f64], out: &mut [f64]);
-    /// Writes ∂r/∂p column by column (`m` rows, entry `i` of column `j` at `j·m + i`) and says `true`; `false` asks for
-    /// numeric differences.
+    /// Writes ∂r/∂p column by column (`m` rows, entry `i` of column `j` at `j·m + i`) and returns `true`. `false` makes
+    /// the solver use numeric differences.
     fn jacobian(&self, _params: &[f64], _out: &mut [f64]) -> bool {
         false
     }

@@ -5,7 +5,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// What linear algebra needs of a number: `f64`, or one with more digits that results are checked by.
+/// The operations that linear algebra needs: for `f64`, or for a number with more digits that results are checked with.
 pub trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
@@ -40,8 +40,8 @@ impl Number for f64 {
 }
 
 /// Reduces the `m × n` matrix `a` to upper triangular form in place (R in its upper triangle, zeros below) and applies
-/// the same reflections to `b` (length `m`). Afterwards `b[..n]` is the top of Qᵀb and `b[n..]` holds what no
-/// combination of columns can explain. `m < n` is allowed: the trailing rows of R are then absent.
+/// the same reflections to `b` (length `m`). Afterwards `b[..n]` is the top of Qᵀb, and `b[n..]` holds the part that no
+/// combination of columns can explain. With `m < n` the last rows of R are missing.
 pub fn reduce<T: Number>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
     for k in 0..n.min(m) {
         let (before, rest) = a.split_at_mut((k + 1) * m);
@@ -50,8 +50,8 @@ pub fn reduce<T: Number>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
         if norm.value() == 0.0 || !norm.value().is_finite() {
             continue;
         }
-        // The reflection v = x/|x| ± e₁ with the sign that avoids cancellation; of length about 1, so that no product
-        // leaves the range.
+        // The reflection v = x/|x| ± e₁, with the sign that avoids cancellation. Its length is about 1, so that no
+        // product leaves the range.
         for x in &mut column[k..m] {
             *x = *x / norm;
         }
@@ -80,7 +80,7 @@ pub fn reduce<T: Number>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
     }
 }
 
-/// Euclidean length, scaled so that neither squares of tiny nor of huge components leave the range.
+/// Euclidean length, scaled so that the squares of tiny or huge components stay in range.
 pub fn length<T: Number>(x: &[T]) -> T {
     let largest = x.iter().map(|v| v.value().abs()).fold(0.0, nan_max);
     if largest == 0.0 || !largest.is_finite() {
@@ -95,7 +95,7 @@ pub fn length<T: Number>(x: &[T]) -> T {
     scale * sum.sqrt()
 }
 
-/// `max` that keeps a NaN instead of dropping it.
+/// A `max` that returns NaN if either number is NaN.
 pub fn nan_max(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }

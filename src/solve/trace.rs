@@ -1,4 +1,4 @@
-//! What a solver tells about its run: a row an iteration, and the one reason it stopped.
+//! What a solver reports about its run: one row for each iteration, and the one reason why it stopped.
 
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +60,7 @@ pub struct TraceRow {
     pub evaluations: usize,
     /// Wall time since the start (s). Kept out of `fit.toml`, which is the same for the same input.
     pub elapsed_s: f64,
-    /// ½ Σ r² after it.
+    /// ½ Σ r² after the iteration.
     pub cost: f64,
     /// Largest absolute component of the gradient.
     pub gradient: f64,

@@ -1,32 +1,33 @@
-//! What a fit knows of its parameters: covariance, rank, condition, and the directions the data do not determine.
+//! What a fit knows about its parameters: covariance, rank, condition, and the directions that the data do not
+//! determine.
 
 use super::decompose;
 use super::qr::{self, Number};
 use nalgebra::DMatrix;
 
-/// A component of an undetermined direction below this (in column-scaled coordinates) is rounding, not a missing
-/// parameter.
+/// A component of an undetermined direction that is below this (in column-scaled coordinates) is rounding: the
+/// parameter does not take part.
 const ABSENT: f64 = 1e-8;
 
-/// Whether the residuals came divided by their true standard errors.
+/// Whether the residuals are divided by their true standard errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Noise {
     /// Residuals are in units of their standard error: the covariance is (JᵀJ)⁻¹.
     Known,
-    /// Only their relative weights are known: the covariance is scaled by the reduced χ². With no degrees of freedom
-    /// left nothing is known of the noise, and every standard error is infinite.
+    /// Only the relative weights of the residuals are known: the covariance is scaled by the reduced χ². With no
+    /// degrees of freedom left, nothing is known about the noise, and every standard error is infinite.
     #[default]
     Estimated,
 }
 
-/// Standard errors and what stands behind them. All of it refers to the Jacobian at the solution.
+/// Standard errors and what they are based on. All of it refers to the Jacobian at the solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertainty {
     /// Numerical rank of the Jacobian, after scaling its columns to length 1.
     pub rank: usize,
     /// Condition number of the scaled Jacobian; infinite where it lacks rank.
     pub condition: f64,
-    /// 1σ a parameter; infinite where undetermined.
+    /// Standard error of each parameter; infinite where undetermined.
     pub stderr: Vec<f64>,
     /// n × n, NaN in the rows and columns of undetermined parameters (their variances are infinite).
     pub covariance: DMatrix<f64>,
@@ -44,7 +45,7 @@ pub struct Uncertainty {
 }
 
 impl Uncertainty {
-    /// Nothing is known: for fits that failed.
+    /// For fits that failed: nothing is known.
     pub fn none(n: usize) -> Self {
         Uncertainty {
             rank: 0,
@@ -59,9 +60,9 @@ impl Uncertainty {
         }
     }
 
-    /// From the upper triangle `r` (column-major, `rows` rows) of a QR factorisation of a Jacobian with `m` rows and
-    /// `n` columns. Singular values below `tolerance` times the largest count as zero. Where rank is full the
-    /// covariance is formed in `T`'s precision.
+    /// Computes everything from the upper triangle `r` (column-major, `rows` rows) of a QR factorisation of a Jacobian
+    /// with `m` rows and `n` columns. Singular values below `tolerance` times the largest count as zero. Where the rank
+    /// is full, the covariance is formed in `T`'s precision.
     pub fn from_triangle<T: Number>(
         r: &[T],
         rows: usize,
@@ -77,7 +78,7 @@ impl Uncertainty {
             return Uncertainty::none(n);
         }
         let scale: Vec<T> = lengths.iter().map(|l| if l.value() > 0.0 { *l } else { T::one() }).collect();
-        // Rows that a short matrix lacks are zero, so that the decomposition always has n right singular vectors.
+        // A matrix with fewer rows is filled with zeros, so that the decomposition always has n right singular vectors.
         let scaled =
             DMatrix::from_fn(n, n, |i, j| if i <= j && i < top { (r[j * rows + i] / scale[j]).value() } else { 0.0 });
         let Some(svd) = decompose::svd(scaled) else { return Uncertainty::none(n) };
@@ -105,7 +106,8 @@ impl Uncertainty {
         let mut covariance = DMatrix::zeros(n, n);
         let mut stderr = vec![f64::INFINITY; n];
         if rank == n {
-            // Rows of R⁻¹, scaled: row i of the inverse is what the i-th parameter takes from each orthogonal residual.
+            // Rows of the scaled R⁻¹. Row i of the inverse says how the i-th parameter depends on each orthogonal
+            // residual.
             let scaled: Vec<T> = (0..n * rows).map(|k| r[k] / scale[k / rows]).collect();
             let inverse: Vec<Vec<T>> = (0..n)
                 .map(|k| {

@@ -1,5 +1,6 @@
-//! Few coefficients for a branch's deflection: the dissertation's pair by its own sampling, and four in a coordinate
-//! that follows the taper, as smooth functions of it, so that a tree needs no fit a branch.
+//! Few coefficients for a branch's deflection: the dissertation's pair with its own sampling, and four coefficients in
+//! a coordinate that follows the taper. The four are smooth functions of the taper, so that a tree needs no fit for
+//! each branch.
 
 use mesophyll_plant::beam;
 use mesophyll_plant::taper::{self, Shape, Smooth, TERMS, chebyshev, coordinate, position, scaled, unscaled};
@@ -7,7 +8,7 @@ use mesophyll_solve::{Fit, Noise, linear};
 use nalgebra::DMatrix;
 use std::sync::LazyLock;
 
-/// H9 Eq. 4.8: u = c₂x² + c₄x⁴.
+/// H9 Eq. 4.8: the deflection u = c₂x² + c₄x⁴ at the place x along the branch, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pair {
     /// Coefficient of x².
@@ -20,9 +21,9 @@ pub struct Pair {
     pub fit: Fit,
 }
 
-/// Least squares over `samples` even places from 0 to 1, both included: 101 is the sampling of Table 4.1. It reproduces
-/// the table's coefficients to every digit; two of its Δmax are misprinted (α = 0.1: .0024 for .00268, α = 0.2: .0081
-/// for .00855).
+/// Least squares over `samples` evenly spaced places from 0 to 1, both included. 101 places are the sampling of H9
+/// Table 4.1. They reproduce the table's coefficients to every digit, but two of its Δmax (largest errors) are
+/// misprinted: α = 0.1 has .0024 for .00268, and α = 0.2 has .0081 for .00855.
 pub fn pair(alpha: f64, samples: usize) -> Pair {
     let x: Vec<f64> = (0..samples).map(|k| k as f64 / (samples - 1).max(1) as f64).collect();
     let a = DMatrix::from_fn(samples, 2, |i, j| if j == 0 { x[i].powi(2) } else { x[i].powi(4) });
@@ -33,7 +34,7 @@ pub fn pair(alpha: f64, samples: usize) -> Pair {
     Pair { c2, c4, max_error, fit }
 }
 
-/// Largest |u − approximation| over x, on 1,600 places: half of them even in x, half even in the taper's own
+/// Largest |u − approximation| over x, at 1,600 places: half of them evenly spaced in x, half in the taper's own
 /// coordinate.
 pub fn worst(alpha: f64, approximation: impl Fn(f64) -> f64) -> f64 {
     let shape = Shape::new(alpha, [0.0; TERMS]);
@@ -46,17 +47,17 @@ pub fn worst(alpha: f64, approximation: impl Fn(f64) -> f64) -> f64 {
         .fold(0.0, mesophyll_solve::qr::nan_max)
 }
 
-/// In which variable a polynomial is.
+/// The variable that a polynomial uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variable {
-    /// x, Legendre-like: shifted Chebyshev polynomials times x².
+    /// The place x: shifted Chebyshev polynomials times x².
     Place,
-    /// y = ln(1+(α−1)x)/ln α.
+    /// The taper's coordinate y = ln(1+(α−1)x)/ln α.
     Taper,
 }
 
-/// Worst error over the taper range, in units of the tip's deflection, of the best `terms` coefficients a branch
-/// (fitted to each branch on its own): what a basis can do.
+/// Worst error over the taper range, in units of the tip's deflection, when each branch is fitted on its own with
+/// `terms` coefficients. It tells what a basis can achieve.
 pub fn of_branches(variable: Variable, terms: usize) -> f64 {
     (0..=24)
         .map(|k| {
@@ -118,11 +119,11 @@ impl SmoothFit {
     }
 }
 
-/// Tapers and places a fit is made on, each at Chebyshev nodes.
+/// Number of tapers and of places that a fit is made on, each at Chebyshev nodes.
 const GRID: usize = 32;
 
-/// One least-squares fit of `terms` series of `degree`: the residual is relative to each taper's tip, so that all
-/// tapers count alike.
+/// One least-squares fit of `terms` series of `degree`. The residual is relative to the deflection of each taper's tip,
+/// so that all tapers have the same weight.
 pub fn smooth_fit(terms: usize, degree: usize) -> SmoothFit {
     let width = degree + 1;
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::with_capacity(GRID * GRID);
@@ -175,7 +176,7 @@ mod tests {
             let p = pair(alpha, 101);
             assert_eq!(format!("{:.*}", c2.len() - 2, p.c2), c2);
             assert_eq!(format!("{:.*}", c4.len() - 2, p.c4), c4);
-            // The table cuts digits off in its first row and rounds in its last.
+            // The table truncates the digits of its first row and rounds those of its last.
             let unit = 10f64.powi(-places);
             assert!((p.max_error - error).abs() <= unit, "α {alpha}: {}", p.max_error);
         }
@@ -197,7 +198,7 @@ mod tests {
         );
         assert!(smooth.len() == 24 && worst < 0.0037);
         assert_eq!(fit.fit.uncertainty.rank, 24);
-        // The handed-over form is the fitted one, up to the tapers beside 1.
+        // The form handed to renderers agrees with the fitted one, also for tapers close to 1.
         for alpha in [1e-4, 0.03, 1.0 - 1e-5, 1.0, 1.0 + 1e-5, 1.25] {
             let shape = smooth.shape(alpha);
             let got = super::worst(alpha, |x| shape.at(x).0);
@@ -215,7 +216,7 @@ mod tests {
         assert!(of_branches(Variable::Taper, 8) < of_branches(Variable::Taper, 4) / 10.0);
     }
 
-    /// Lengths of bent branches from root to tip and to places between, by the arc of the curve itself.
+    /// The length of bent branches from the root to the tip and to places between, measured along the arc of the curve.
     #[test]
     fn bent_branches_keep_their_length() {
         let mut worst = (0.0f64, 0.0, 0.0);
@@ -238,7 +239,7 @@ mod tests {
         assert!(worst.0 < 1.4e-4);
     }
 
-    /// Against the settled curve of the exact beam: where a branch is, and which way it points.
+    /// Compares with the settled curve of the exact beam: where a branch is, and in which direction it points.
     #[test]
     fn bent_branches_are_where_the_exact_curve_is() {
         let mut worst = [0.0f64; 2];
@@ -256,8 +257,8 @@ mod tests {
         assert!(worst[0] < 0.01 && worst[1] < 2.4, "{worst:?}");
     }
 
-    /// In single precision a place near a thin tip is known to 6e-8 L, times the slope there: 2,000 for a taper of 1e-4
-    /// at a tip of .75 L.
+    /// In single precision, a place near a thin tip is known to 6e-8 L (L is the length) times the slope there. The
+    /// slope is 2,000 for a taper of 1e-4 and a tip deflection of .75 L.
     #[test]
     fn thin_tips_in_single_precision() {
         for (alpha, limit) in [(1e-4, 1e-4), (1e-3, 2e-5), (0.01, 5e-6), (0.1, 3e-6)] {

@@ -1,4 +1,5 @@
-//! `fit beam --deflections`: a table of marks, several branches in one file, a row a branch out.
+//! `fit beam --deflections` reads a table of marks, with several branches in one file, and writes one row for each
+//! branch.
 //!
 //! Columns, by name in any order:
 //!
@@ -8,7 +9,7 @@
 //! | `length_mm` | length of the branch; the same in all its rows |
 //! | `position_mm` | distance of the mark from the root |
 //! | `deflection_mm` | how far the load moved the mark across the branch |
-//! | `deflection_err_mm` | its standard error; optional, then the scatter of the residuals stands for it |
+//! | `deflection_err_mm` | its standard error; optional, without it the scatter of the residuals is used |
 //! | `load_n`, `load_err_n` | the whole load, spread evenly along the branch; optional |
 //! | `modulus_gpa`, `modulus_err_gpa` | modulus of elasticity; optional |
 
@@ -38,7 +39,7 @@ pub const OUTPUTS: [&str; 12] = [
 const REQUIRED: [&str; 4] = ["branch", "length_mm", "position_mm", "deflection_mm"];
 const OPTIONAL: [&str; 5] = ["deflection_err_mm", "load_n", "load_err_n", "modulus_gpa", "modulus_err_gpa"];
 
-/// A branch as it was read: good, or why not.
+/// A branch as it was read, or the reason why it cannot be used.
 pub type Named = (String, std::result::Result<Branch, String>);
 
 /// Reads all rows, grouped by branch in order of first appearance. `noise`: standard error (mm) where the file states
@@ -95,7 +96,7 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
     Ok(branches)
 }
 
-/// Adds a row; what belongs to the branch as a whole has to be the same in all its rows, empty cells aside.
+/// Adds a row. What belongs to the branch as a whole must be the same in all its rows; empty cells are ignored.
 fn add(
     branch: &mut Branch,
     line: usize,

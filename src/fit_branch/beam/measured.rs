@@ -5,13 +5,14 @@
 //! and A = F/(E′r₁⁴) = F L³/(E s₁⁴) (mm): the load F (N), the modulus E (N/mm²), the root radius s₁ (mm). Where
 //! positions were read off along the straight axis instead, x* = s.
 //!
-//! Unknowns: ln α and A. **Load, modulus and root radius cannot be told apart**: deflections depend on F/(E s₁⁴) alone.
-//! With load and modulus given, the root radius is (F L³/(E A))^¼, with their errors carried along.
+//! Unknowns are ln α (α is the taper: radius at the tip over radius at the root) and A. **Load, modulus and root radius
+//! cannot be told apart**, because deflections depend on F/(E s₁⁴) alone. With load and modulus given, the root radius
+//! is (F L³/(E A))^¼, and their errors are carried along.
 //!
-//! Limits: the linear beam's shape, laid out at its true length. A load that keeps its direction bends a branch less
-//! than that once the tip moves by more than a quarter of the length; a root that gives way, a crooked branch at rest
-//! and a weight hung at one place are not in the model. A weight at the tip of an untapered branch passes for a spread
-//! load on a taper of .65 to .2 % of the tip's deflection: the kind of load has to be known.
+//! Limits: the shape is that of the linear beam, laid out at its true length. A load that keeps its direction bends a
+//! branch less than that once the tip moves by more than a quarter of the length. A root that gives way, a branch that
+//! is crooked at rest, and a weight at one place are not in the model. A weight at the tip of an untapered branch looks
+//! like a spread load on a taper of .65, to .2 % of the tip's deflection; so the kind of load has to be known.
 
 use mesophyll_files::table::Status;
 use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
@@ -24,7 +25,7 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 pub struct Reading {
     /// Distance from the root (mm), 0 to the branch's length.
     pub position: f64,
-    /// How far the load moved it across (mm).
+    /// How far the load moved the mark across the branch (mm).
     pub deflection: f64,
     /// Standard error of the deflection (mm); NaN: not known.
     pub error: f64,
@@ -35,7 +36,7 @@ pub struct Reading {
 pub struct Branch {
     /// Length of the branch (mm).
     pub length: f64,
-    /// Where it was measured, and how far it hangs there.
+    /// The marks, and how far each was deflected.
     pub readings: Vec<Reading>,
     /// The whole load (N), spread evenly, and its standard error.
     pub load: [f64; 2],
@@ -78,23 +79,23 @@ pub struct Measured {
     pub taper: Known,
     /// F/(E′r₁⁴) = F L³/(E s₁⁴) (mm).
     pub load_over_stiffness: Known,
-    /// Root radius (mm); nothing is known of it without load and modulus.
+    /// Root radius (mm); nothing is known about it without load and modulus.
     pub root_radius: Known,
-    /// Deflection of the tip across (mm), with the error that taper and load over stiffness leave it together.
+    /// Deflection of the tip across the branch (mm). Its error combines those of taper and load over stiffness.
     pub tip: Known,
     /// Correlation of ln α with F/(E′r₁⁴).
     pub correlation: f64,
     /// Unweighted root mean square of the residuals (mm).
     pub rms: f64,
-    /// Whether the errors come from stated ones (else from the scatter of the residuals).
+    /// Whether the errors come from stated ones; otherwise they come from the scatter of the residuals.
     pub stated: bool,
-    /// How the solver came to it.
+    /// The solver's result.
     pub fit: Fit,
-    /// What may be believed of it.
+    /// Which of the numbers can be relied on.
     pub status: Status,
 }
 
-/// Tapers that the best start is looked for among.
+/// How many tapers are tried for the best start.
 const STARTS: usize = 24;
 /// Residuals beyond the stated noise: reduced χ² above 1 by this many of its standard deviations.
 const EXCESS: f64 = 5.0;
@@ -135,7 +136,7 @@ pub fn fit(branch: &Branch, along: Along) -> Result<Measured, String> {
         return Err("deflection_err_mm is given for some readings and not for others".into());
     }
     let stated = stated > 0;
-    // The root itself never moves: a reading there says nothing.
+    // The root itself never moves, so a reading there says nothing.
     let readings: Vec<Reading> = branch.readings.iter().copied().filter(|r| r.position > 0.0).collect();
     let needed = if stated { 2 } else { 3 };
     if readings.len() < needed {
@@ -160,7 +161,7 @@ pub fn fit(branch: &Branch, along: Along) -> Result<Measured, String> {
         upper: vec![TAPER_MAX.ln(), f64::INFINITY],
         noise,
         max_iterations: 200,
-        // Far below any standard error.
+        // This is far below any standard error.
         step_tolerance: 1e-9,
         ..Options::default()
     };
@@ -179,12 +180,12 @@ fn across(alpha: f64, amplitude: f64, x: f64, along: Along) -> f64 {
     }
 }
 
-/// The best of a row of tapers, each with the amplitude that suits it by linear least squares.
+/// The best of a series of tapers, each with the amplitude that linear least squares gives.
 fn start(readings: &[Reading], length: f64) -> Vec<f64> {
     let weight = |r: &Reading| if r.error.is_nan() { 1.0 } else { 1.0 / r.error };
     let mut best = (f64::INFINITY, vec![0.3f64.ln(), 0.1]);
     for k in 0..STARTS {
-        // Not on the bounds themselves.
+        // The tapers stay off the bounds.
         let ln_alpha = 0.95 * TAPER_MIN.ln() * (k as f64 + 0.5) / STARTS as f64;
         let u: Vec<f64> =
             readings.iter().map(|r| beam::deflection(ln_alpha.exp(), (r.position / length).min(1.0))).collect();
@@ -210,7 +211,7 @@ fn measured(branch: &Branch, fit: Fit, readings: &[Reading], along: Along, state
     let load_over_stiffness = Known { value: amplitude * length, error: u.stderr[1] * length };
     let correlation = u.correlation(0, 1);
     let tip = {
-        // Differences over a hundredth of a standard error, or of the value where that is unknown.
+        // Differences over a hundredth of a standard error, or of the value where the error is unknown.
         let at = |p: f64, a: f64| length * across(p.exp(), a, 1.0, along);
         let slope = |k: usize| {
             let h = if k == 0 { 1e-5 } else { 1e-5 * amplitude.abs().max(1e-12) };
@@ -257,7 +258,7 @@ fn status(fit: &Fit, [taper, load, radius, tip]: [Known; 4], given: bool, stated
     let sigma = u.stderr[0];
     if fit.at_bound.contains(&0) || !taper.sure() {
         let upper = taper.value > (TAPER_MIN * TAPER_MAX).sqrt();
-        // At a bound of the model's range one side stays closed.
+        // At a bound of the model's range, one side of the interval is known.
         unknown.push(match (fit.at_bound.contains(&0) && (2.0 * sigma) < 3.0, upper) {
             (true, true) => format!("alpha >= {:.3}", taper.value * (-2.0 * sigma).exp()),
             (true, false) => format!("alpha <= {:.3e}", taper.value * (2.0 * sigma).exp()),
@@ -279,7 +280,7 @@ fn status(fit: &Fit, [taper, load, radius, tip]: [Known; 4], given: bool, stated
     if unknown.is_empty() { Status::Ok } else { Status::Undetermined(unknown.join(" ")) }
 }
 
-/// Why a fit that [`fit`] refused has no numbers; the termination of one that ran.
+/// The termination of a fit that ran, or the code for a fit that was refused.
 pub fn termination(result: &Result<Measured, String>) -> Termination {
     result.as_ref().map_or(Termination::Refused, |m| m.fit.termination)
 }
@@ -305,11 +306,12 @@ mod tests {
         }
     }
 
-    /// Intervals of 95 % hold about 95 % of truths: 300 draws scatter by 1.3 %, so 91 to 99 is three of that.
+    /// 95 % intervals contain about 95 % of the truths. With 300 draws the share scatters by 1.3 %; 91 to 99 % is three
+    /// times that.
     #[test]
     fn intervals_cover() {
         let truth = Truth { alpha: 0.25, tip: 0.4, ..Truth::default() };
-        // Both kinds of position, one with each kind of noise.
+        // Both kinds of position are tested, one with each kind of noise.
         for (stated, along) in [(true, Along::Branch), (false, Along::Axis)] {
             let draws: Vec<Measured> = (0..300u64)
                 .into_par_iter()
@@ -321,8 +323,8 @@ mod tests {
                     fit(&b, along).unwrap()
                 })
                 .collect();
-            // Normal; Student's with the 14 degrees of freedom that 16 marks leave where the noise comes from the
-            // residuals.
+            // The quantile is normal where the noise is stated. Where it comes from the residuals, it is Student's with
+            // the 14 degrees of freedom that 16 marks leave.
             let quantile = if stated { 1.96 } else { 2.145 };
             let tip = truth.tip_mm(along);
             for (name, want, get) in [
@@ -348,7 +350,7 @@ mod tests {
         let mut b = branch(&truth, 20, 1e-3, 3, Along::Branch);
         let known = fit(&b, Along::Branch).unwrap();
         assert_eq!(known.status, Status::Ok);
-        // A tenth of error of the modulus is a fortieth of the radius.
+        // A tenth of error of the modulus makes a fortieth of error of the radius.
         b.modulus[1] = 0.1 * b.modulus[0];
         let m = fit(&b, Along::Branch).unwrap();
         assert!((m.root_radius.error / m.root_radius.value - 0.025).abs() < 2e-3, "{:?}", m.root_radius);
@@ -380,8 +382,8 @@ mod tests {
         assert!(why(&|b| b.load[0] = -1.0).contains("load_n"));
     }
 
-    /// A weight at the tip of an untapered branch looks much like a spread load on a tapered one; precise readings
-    /// tell.
+    /// A weight at the tip of an untapered branch looks much like a spread load on a tapered one. Precise readings show
+    /// the difference.
     #[test]
     fn a_load_of_another_kind_is_noticed() {
         let mut b = branch(&Truth { alpha: 1.0, ..Truth::default() }, 24, 1e-4, 6, Along::Axis);

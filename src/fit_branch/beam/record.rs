@@ -1,4 +1,4 @@
-//! What a fit of branches leaves on disk: `fit.toml` and `times.toml`.
+//! The files that a fit of branches writes: `fit.toml` and `times.toml`.
 
 use super::basis::{DEGREE, smooth, smooth_fit};
 use super::deflections::{self, Named};
@@ -21,8 +21,8 @@ pub fn of_basis() -> FitRecord {
     let mut section =
         Section { condition: Some(f.uncertainty.condition), rank: Some(f.uncertainty.rank), ..Section::default() };
     for (k, row) in series.series.iter().enumerate() {
-        // Nothing was measured: a standard error of these numbers has no meaning. What they are good for are the
-        // figures below.
+        // Nothing was measured, so standard errors of these numbers have no meaning. The figures below say how good
+        // they are.
         let param = Param { value: row.clone(), stderr: vec![f64::NAN; row.len()], ..Param::default() };
         section.params.insert(format!("a{}", k + 2), param);
     }
@@ -50,7 +50,7 @@ pub fn of_basis() -> FitRecord {
     record
 }
 
-/// Measured branches, a section each.
+/// Measured branches, with one section for each.
 pub fn of_branches(
     branches: &[Named],
     fits: &[std::result::Result<Measured, String>],

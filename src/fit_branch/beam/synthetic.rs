@@ -6,7 +6,7 @@ use mesophyll_plant::length::settled;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// What a branch really is.
+/// The true branch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Taper α: radius at the tip over radius at the root.
@@ -28,7 +28,7 @@ impl Default for Truth {
 }
 
 impl Truth {
-    /// F/(E′r₁⁴) over the length.
+    /// F/(E′r₁⁴), the load over the stiffness of the root, divided by the length.
     pub fn amplitude(&self) -> f64 {
         self.tip / beam::deflection(self.alpha, 1.0)
     }
@@ -36,7 +36,7 @@ impl Truth {
     pub fn load_over_stiffness(&self) -> f64 {
         self.amplitude() * self.length
     }
-    /// s₁ (mm) of F L³/(E s₁⁴) = F/(E′r₁⁴).
+    /// Root radius s₁ (mm), from F L³/(E s₁⁴) = F/(E′r₁⁴).
     pub fn root_radius(&self) -> f64 {
         (self.load * self.length.powi(3) / (self.modulus * 1e3 * self.load_over_stiffness())).powf(0.25)
     }
@@ -54,8 +54,8 @@ impl Truth {
     }
 }
 
-/// `marks` even places from the root to the tip (the root itself left out); Gaussian noise of `noise` times the tip's
-/// deflection, stated as such.
+/// A branch with `marks` evenly spaced marks up to the tip, without one at the root. The readings have Gaussian noise
+/// of `noise` times the tip's deflection, which is stated.
 pub fn branch(truth: &Truth, marks: usize, noise: f64, seed: u64, along: Along) -> Branch {
     let mut rng = Pcg64::seed_from_u64(seed);
     let error = (noise * truth.tip_mm(along).abs()).max(1e-12 * truth.length);

@@ -6,16 +6,16 @@
 //! S(f) = G² R(f)² (1 + f/v)^(−5/3),      R(f) = 2π f_h² / √((2π(f_h² − f²))² + (f γ)²)
 //! ```
 //!
-//! (H9 Eq. 4.15 and 4.16 with the denominator that the equation of motion gives; [`mesophyll_plant::wind`]). f_h is the
-//! resonance (Hz), γ the damping (1/s), v the wind's mean speed (m/s; in Eq. 4.15 f/v stands for f · 1 m/v) and G the
-//! gain: √S at low frequencies (mm/√Hz). v is fitted too where it is not given.
+//! (H9 Eq. 4.15 and 4.16, with the denominator that the equation of motion gives; [`mesophyll_plant::wind`]). f_h is
+//! the resonance (Hz), γ the damping (1/s), v the wind's mean speed (m/s; the f/v of Eq. 4.15 means f · 1 m/v), and G
+//! the gain: √S at low frequencies (mm/√Hz). v is also fitted where it is not given.
 //!
-//! P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953), 423–434: the periodogram I_k
-//! at each frequency is about exponentially distributed around its mean E_k, so Σ ln E_k + I_k/E_k is least. E_k is not
-//! S(f_k): a record of finite length and step leaks and folds. It is computed from the autocovariance (A. M. Sykulski
-//! et al., "The debiased Whittle likelihood", Biometrika 106 (2019), 251–266). As residuals the sum is
-//! ±√(2(ρ − 1 − ln ρ)) with ρ = I/E, so that the certified solver minimises it; standard errors come from Fisher's
-//! information Σ ∂ln E ∂ln E.
+//! The estimate is that of P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953),
+//! 423–434. The periodogram I_k at each frequency is about exponentially distributed around its mean E_k, so Σ ln E_k +
+//! I_k/E_k is minimised. E_k is not S(f_k), because a record of finite length and step leaks and folds. It is computed
+//! from the autocovariance (A. M. Sykulski et al., "The debiased Whittle likelihood", Biometrika 106 (2019), 251–266).
+//! With ρ = I/E, the sum is written as squares of residuals ±√(2(ρ − 1 − ln ρ)), so that the certified solver can
+//! minimise it. Standard errors come from Fisher's information Σ ∂ln E ∂ln E.
 
 pub mod read;
 #[cfg(test)]
@@ -44,7 +44,7 @@ pub struct Known {
     pub turbulence: Option<f64>,
     /// Standard error of a reading (mm).
     pub noise: f64,
-    /// Frequencies that are used (Hz). Without a highest one: up to twice the resonance, which is as far as motion
+    /// Range of frequencies that is used (Hz). Without an upper end it goes up to twice the resonance, as far as motion
     /// textures go.
     pub band: [Option<f64>; 2],
 }
@@ -71,7 +71,7 @@ pub struct Motion {
     pub gains: Vec<Value>,
     /// 1/v (s/m); exact where the speed was given.
     pub slowness: Value,
-    /// Frequencies used, in all channels.
+    /// Number of frequencies used, in all channels together.
     pub bins: usize,
     /// Mean of 2(ρ − 1 − ln ρ); 2γ_Euler = 1.154 is expected of Gaussian motion with this spectrum.
     pub deviance: f64,
@@ -87,12 +87,12 @@ const WIDE: f64 = 2.0;
 const FOUND: f64 = 0.1;
 /// Shares of the critical damping that a fit starts from.
 const STARTS: [f64; 3] = [0.15, 0.04, 0.5];
-/// Mean and standard deviation of 2(ρ − 1 − ln ρ) for ρ of an exponential distribution, which that of a periodogram
-/// over its mean is.
+/// Mean and standard deviation of 2(ρ − 1 − ln ρ) for an exponentially distributed ρ, which a periodogram over its mean
+/// is.
 const DEVIANCE: [f64; 2] = [1.154, 1.606];
-/// A mean deviance this many standard errors above is no chance.
+/// A mean deviance that is this many standard errors too large is no chance.
 const STRANGE: f64 = 4.0;
-/// A mean deviance below this is that of a motion with the fitted spectrum: 1.154 is expected.
+/// A mean deviance below this belongs to a motion with the fitted spectrum; 1.154 is expected.
 const DESCRIBED: f64 = 1.3;
 
 /// One-sided periodogram of readings (mm²/Hz) at k/T for k = 0 … n/2, without the mean.
@@ -135,7 +135,7 @@ pub fn fit(record: &Record, known: &Known) -> Result<Motion, String> {
     let mut high = known.band[1].map_or_else(|| bin(1.25 * WIDE * usual), bin);
     let mut best: Option<(Parameters, f64)> = None;
     let mut last = None;
-    // The band follows the resonance.
+    // The band depends on the resonance, so both are found in turn.
     for _ in 0..6 {
         if high < low + FEWEST {
             return Err(format!(
@@ -166,7 +166,7 @@ pub fn fit(record: &Record, known: &Known) -> Result<Motion, String> {
     Ok(answer(&found, &expected, known, bins, 2.0 * cost / bins as f64))
 }
 
-/// The best fit from several starts; the first one that describes the motion is enough.
+/// The best fit from several starts. It stops at the first one that describes the motion.
 fn first(expected: &Expected, periodograms: &[Vec<f64>], resonance: f64) -> Option<(Parameters, f64)> {
     let mut best: Option<(Parameters, f64)> = None;
     for ratio in STARTS {
@@ -182,8 +182,8 @@ fn first(expected: &Expected, periodograms: &[Vec<f64>], resonance: f64) -> Opti
     best
 }
 
-/// Root mean square frequency of the motion, in bins; frequencies far above it are left out step by step, as noise is
-/// there.
+/// Root mean square frequency of the motion, in bins. Frequencies far above it hold noise and are left out step by
+/// step.
 fn middle(periodograms: &[Vec<f64>], low: usize, top: usize) -> f64 {
     let mut high = top;
     let mut found = top as f64;
@@ -215,7 +215,7 @@ fn answer(found: &Parameters, expected: &Expected, known: &Known, bins: usize, d
     };
     let n = found.0.len();
     let unit = |k: usize| (0..n).map(|j| f64::from(u8::from(j == k))).collect::<Vec<_>>();
-    // Logarithms were fitted: a relative error each.
+    // Logarithms were fitted, so their errors are relative errors.
     let log = |value: f64, weights: &[f64]| Value { value, error: value * variance(weights).sqrt() };
     let mut relative = unit(1);
     relative[0] = -1.0;

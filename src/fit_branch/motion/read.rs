@@ -4,7 +4,7 @@ use super::Record;
 use crate::{Error, Result};
 use mesophyll_files::table::{self, Table};
 
-/// Times may be off their even places by this share of the step: they are often written with few digits.
+/// Times may deviate from even spacing by this share of the step, because they are often written with few digits.
 const EVEN: f64 = 0.02;
 
 /// Reads all rows.

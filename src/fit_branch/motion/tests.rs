@@ -9,8 +9,8 @@ fn normal(rng: &mut Pcg64) -> f64 {
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
 }
 
-/// The oscillator ẍ + γẋ + ω²x = white noise, stepped in small steps (a tenth of the readings'): nothing of the fit's
-/// formulas is in it.
+/// The oscillator ẍ + γẋ + ω²x = white noise, in time steps of a tenth of the readings' interval. It uses none of the
+/// fit's formulas.
 fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
     let sub = 20;
@@ -19,7 +19,7 @@ fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Ve
     let mut out = Vec::with_capacity(n);
     for k in 0..n + 200 {
         for _ in 0..sub {
-            // Half a step of the place, a step of the speed with its damping exact, half a step of the place.
+            // Half a step of the place, a full step of the speed with exact damping, and half a step of the place.
             x += 0.5 * dt * v;
             let kept = (-gamma * dt).exp();
             v = v * kept - omega2 * x * (1.0 - kept) / gamma + force * dt.sqrt() * normal(&mut rng);
@@ -51,12 +51,12 @@ fn an_oscillator_that_is_stepped_in_time_is_found_within_its_errors() {
         let mean = pulls.iter().map(|p| p[k]).sum::<f64>() / 24.0;
         let rms = (pulls.iter().map(|p| p[k] * p[k]).sum::<f64>() / 24.0).sqrt();
         println!("parameter {k}: mean pull {mean:.2}, root mean square {rms:.2}");
-        // 24 pulls: the mean scatters by .2, the root mean square by .14.
+        // With 24 pulls, the mean scatters by .2 and the root mean square by .14.
         assert!(mean.abs() < 0.7 && (0.6..1.5).contains(&rms), "{k}: {mean} {rms}");
     }
 }
 
-/// The mean of many periodograms of the same motion is what the fit takes for their mean, leakage and folding included.
+/// The mean of many periodograms of the same motion is what the fit expects, including leakage and folding.
 #[test]
 fn the_mean_of_periodograms_is_as_expected() {
     let (f, gamma, step, n) = (2.0f64, 1.5, 0.1, 256);
@@ -84,14 +84,14 @@ fn what_cannot_be_fitted_says_why() {
     let record = Record { step: 0.05, channels: vec![stepped(1.3, 2.0, 3.0, 0.05, 512, 1)] };
     let none = Known { band: [Some(3.0), Some(3.1)], ..Known::default() };
     assert!(fit(&record, &none).unwrap_err().contains("frequencies from"));
-    // A band that begins beyond what the readings resolve.
+    // The band begins beyond the frequencies that the readings resolve.
     for lowest in [100.0, 1e300] {
         let beyond = Known { band: [Some(lowest), None], ..Known::default() };
         assert!(fit(&record, &beyond).unwrap_err().contains("frequencies from"));
     }
 }
 
-/// Two oscillators at once have a spectrum that the model does not: no number of it is promised.
+/// Two oscillators together have a spectrum that is not in the model, so none of its numbers is promised.
 #[test]
 fn another_spectrum_is_not_called_found() {
     let step = 0.05;

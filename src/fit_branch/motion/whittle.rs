@@ -32,8 +32,8 @@ impl Parameters {
     }
 }
 
-/// How often frequencies above the highest one that the step resolves fold back: what comes from further up is below
-/// .2 % of the rest.
+/// How often frequencies above the highest one that the step resolves are folded back. Frequencies further up
+/// contribute less than .2 % of the rest.
 const FOLDS: i32 = 1;
 /// Step of differences in a parameter.
 const DIFFERENCE: f64 = 1e-5;
@@ -52,7 +52,8 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Of `readings` readings `step` (s) apart, at the frequencies k/T for k in `band`, both ends included.
+    /// For `readings` readings with the interval `step` (s), at the frequencies k/T for k in `band`, both ends
+    /// included.
     pub fn new(readings: usize, step: f64, known: &Known, band: (usize, usize)) -> Expected {
         let grid = (2 * readings).next_power_of_two();
         Expected {
@@ -72,7 +73,7 @@ impl Expected {
         (self.high + 1 - self.low) * channels
     }
 
-    /// How many channels parameters have a gain for.
+    /// The number of channels that the parameters have a gain for.
     pub fn channels(&self, p: &Parameters) -> usize {
         p.0.len() - 2 - usize::from(self.known.speed.is_none())
     }
@@ -102,7 +103,7 @@ impl Expected {
             line[(self.grid - k) % self.grid] = line[k];
         }
         self.inverse.process(&mut line);
-        // Autocovariance, weighted by how many pairs of readings are so far apart.
+        // The autocovariance, weighted by the number of pairs of readings with this distance.
         let n = self.readings;
         let scale = rate / self.grid as f64;
         let zero = line[0].re * scale;
@@ -133,7 +134,7 @@ impl Expected {
         out
     }
 
-    /// Whittle's estimate, and half the sum of squares there; nothing where the solver finds none.
+    /// Whittle's estimate, and half the sum of squares there; `None` where the solver finds none.
     pub fn fit(&self, periodograms: &[Vec<f64>], start: &Parameters) -> Option<(Parameters, f64)> {
         let width = self.high + 1 - self.low;
         let residuals = |params: &[f64], out: &mut [f64]| {
@@ -147,13 +148,13 @@ impl Expected {
             }
         };
         let problem = Closure::new(start.0.len(), width * periodograms.len(), residuals);
-        // No wind blows backwards: below 0 the density has a pole.
+        // The wind cannot blow backwards: below 0 the density has a pole.
         let mut lower = vec![f64::NEG_INFINITY; start.0.len()];
         if let (None, Some(slowness)) = (self.known.speed, lower.last_mut()) {
             *slowness = 0.0;
         }
         let upper = vec![f64::INFINITY; start.0.len()];
-        // A tenth of a millionth of a standard error is enough.
+        // A tenth of a millionth of a standard error is precise enough.
         let options = Options {
             max_iterations: 200,
             cost_tolerance: 1e-12,
@@ -167,7 +168,7 @@ impl Expected {
         usable.then_some((Parameters(found.params), found.cost))
     }
 
-    /// Covariance of the parameters: the inverse of Fisher's information; nothing where it has none.
+    /// Covariance of the parameters: the inverse of Fisher's information; `None` where it cannot be inverted.
     pub fn covariance(&self, p: &Parameters) -> Option<DMatrix<f64>> {
         let n = p.0.len();
         let channels = self.channels(p);
@@ -182,7 +183,7 @@ impl Expected {
             .map(|k| {
                 let at = |sign: f64| {
                     let mut moved = p.clone();
-                    // Below 0 the density of a slowness goes on smoothly as far as this.
+                    // The density continues smoothly to slownesses this little below 0.
                     moved.0[k] += sign * DIFFERENCE;
                     shape(&moved)
                 };
@@ -196,7 +197,7 @@ impl Expected {
     }
 }
 
-/// ±√(2(ρ − 1 − ln ρ)), of the sign of ρ − 1.
+/// ±√(2(ρ − 1 − ln ρ)), with the sign of ρ − 1.
 fn deviance(rho: f64) -> f64 {
     let d = rho - 1.0;
     if d.abs() < 1e-4 {

@@ -7,17 +7,17 @@ use mesophyll_sky::{colour, sun_direction};
 use mesophyll_solve::{Closure, Fit, Noise, Options, lm};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How the sun's direction is written in parameters: angles, or near the zenith (where azimuth loses its meaning) a
-/// plane.
+/// How the sun's direction is written as two parameters: as angles, or as a point of a plane near the zenith, where the
+/// azimuth has no meaning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Chart {
-    /// Zenith angle, azimuth about this one.
+    /// Zenith angle, and azimuth relative to this one.
     Polar(f64),
     /// Zenith angle times cosine and sine of the azimuth.
     Plane,
 }
 
-/// Suns nearer to the zenith than this are fitted in the plane.
+/// Suns closer to the zenith than this are fitted in the plane.
 pub const OVERHEAD: f64 = 0.3;
 
 impl Chart {
@@ -52,7 +52,7 @@ impl Chart {
     }
 }
 
-/// The model's readings: channel by channel of every pixel.
+/// The model's readings of every pixel, channel by channel.
 pub fn modelled(chart: Chart, p: &[f64], pixels: &[Pixel], channels: usize, out: &mut [f64]) {
     let (zenith, azimuth) = chart.sun(p);
     let sun = turned(sun_direction(zenith), azimuth);
@@ -69,7 +69,7 @@ pub fn modelled(chart: Chart, p: &[f64], pixels: &[Pixel], channels: usize, out:
     }
 }
 
-/// One descent on the pixels kept, with weights from the model at its start.
+/// One descent on the pixels that are kept, with weights from the model at its start.
 pub struct Round {
     pub chart: Chart,
     pub fit: Fit,

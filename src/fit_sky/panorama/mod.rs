@@ -1,13 +1,14 @@
-//! Sun, turbidity and scale from a panorama of the sky: the sky's share of reconstructing a scene.
+//! Sun, turbidity and scale from a panorama of the sky, which is the sky's part of reconstructing a scene.
 //!
-//! Model: a reading of channel c in direction d is s L_c(d; θs, φs, τ), Preetham's radiance in linear sRGB (kcd/m²)
-//! times one scale for all channels: the panorama has to be white-balanced. Its noise is relative: σ = n √(L² +
-//! (L₀/50)²) with L₀ the median reading. Unknowns: the sun's zenith angle and azimuth, τ, ln s. Pixels that miss the
-//! model by more than [`CUT`] times the scatter are clouds, trees or the sun's disk and are left out, over and over
-//! until their set stands still.
+//! The model of a reading of channel c in direction d is s L_c(d; θs, φs, τ): Preetham's radiance in linear sRGB
+//! (kcd/m²) for the sun's zenith angle θs and azimuth φs and the turbidity τ, times one scale s for all channels. So
+//! the panorama must be white-balanced. Its noise is relative: σ = n √(L² + (L₀/50)²), where L₀ is the median reading.
+//! The unknowns are θs, φs, τ and ln s. Pixels that differ from the model by more than [`CUT`] times the scatter are
+//! clouds, trees or the sun's disk. They are left out, again and again until their set no longer changes.
 //!
-//! Limits: one clear sky (no cloud cover), turbidity 1.7 to 10, the sun above the horizon. A sky that Preetham's model
-//! does not describe to within the noise leaves nothing determined: the best values are printed, with the misfit.
+//! Limits: one clear sky without clouds, turbidity 1.7 to 10, and the sun above the horizon. A sky that Preetham's
+//! model does not describe within the noise leaves nothing determined; then the best values are printed, with the
+//! misfit.
 
 mod descent;
 mod outcome;
@@ -36,7 +37,7 @@ pub struct Known {
     pub error: f64,
 }
 
-/// What came out.
+/// The result of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// Angle of the sun from the zenith (rad).
@@ -45,7 +46,7 @@ pub struct Found {
     pub sun_azimuth: Known,
     /// Turbidity, 1.7 to 10.
     pub turbidity: Known,
-    /// What one kcd/m² reads as in the picture.
+    /// The picture's reading for one kcd/m².
     pub scale: Known,
     /// Correlations of these four, in this order; NaN where undetermined.
     pub correlation: Vec<Vec<f64>>,
@@ -59,34 +60,34 @@ pub struct Found {
     pub reduced_chi2: f64,
     /// Root mean square of (reading − model)/model.
     pub relative_rms: f64,
-    /// Fate of every pixel (see [`picture`]).
+    /// What became of every pixel (see [`picture`]).
     pub fate: Vec<f32>,
     /// Mean squared residual of a pixel's channels, in units of the noise; NaN where the pixel is not used.
     pub pixel_chi2: Vec<f32>,
     /// (reading − model)/model, channel by channel; NaN where unseen.
     pub residuals: Vec<Vec<f32>>,
-    /// Pixels left out as no clear sky.
+    /// How many pixels were left out because they show no clear sky.
     pub outliers: usize,
-    /// Different suns that descents ended at.
+    /// How many different suns the descents ended at.
     pub minima: usize,
-    /// Descents that came to nothing.
+    /// How many descents failed.
     pub failed: usize,
     /// The descent that the results come from.
     pub fit: Fit,
     /// The steps of the search over starts.
     pub search: Trace,
-    /// What may be believed of the results.
+    /// Which of the results can be relied on.
     pub status: Status,
 }
 
-/// What is known of the noise.
+/// Where the noise is known from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoiseFrom {
     /// Stated by the user.
     Stated,
-    /// From how neighbouring pixels scatter.
+    /// Estimated from the scatter of neighbouring pixels.
     Neighbours,
-    /// Unknown: errors are scaled by the residuals, and a misfit cannot be seen.
+    /// Unknown: errors are scaled by the residuals, and a misfit cannot be detected.
     Residuals,
 }
 
@@ -101,15 +102,15 @@ impl NoiseFrom {
     }
 }
 
-/// Readings further off than this many standard deviations are left out.
+/// Readings that are further off than this many standard deviations are left out.
 const CUT: f64 = 4.5;
-/// Rounds of leaving out and fitting again.
+/// Largest number of rounds of leaving out and fitting again.
 const ROUNDS: usize = 12;
-/// Most readings fitted: of larger pictures every n-th pixel is used.
+/// Largest number of readings that are fitted; of larger pictures every n-th pixel is used.
 pub const MOST_PIXELS: usize = 20_000;
-/// Angles are called determined to within this 1σ (rad): 3°.
+/// An angle is determined where its standard error is below this (rad): 3°.
 const ANGLE_KNOWN: f64 = 0.052_36;
-/// Another sun is as good where χ² rises by less than this.
+/// Another sun fits as well where χ² rises by less than this.
 const AS_GOOD: f64 = 9.0;
 
 /// Fits a panorama; `noise` is the relative standard error of a reading where it is known.
@@ -137,7 +138,7 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
     let mut guess = first;
     let mut kept = vec![true; pixels.len()];
     let mut values = vec![0.0; pixels.len() * channels];
-    // (z of the worst channel) of every pixel at a sun
+    // For every pixel, the standardised residual z of its worst channel, for a given sun.
     let misses = |chart: Chart, p: &[f64], values: &mut [f64]| -> Vec<f64> {
         modelled(chart, p, &pixels, channels, values);
         pixels
@@ -148,7 +149,7 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
             })
             .collect()
     };
-    // the median of the largest of so many absolute normal deviates
+    // The median of the largest of this many absolute normal deviates.
     let typical = if channels == 3 { 1.2568 } else { 0.6745 };
     let choose = |z: &[f64]| -> Vec<bool> {
         let spread = (median(&mut z.to_vec()) / typical).max(if from == NoiseFrom::Residuals { 1e-3 } else { 1.0 });
@@ -170,7 +171,7 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         let next = Guess { zenith, azimuth, turbidity: p[2], scale: p[3].exp(), cost: round.fit.cost };
         let now = choose(&misses(round.chart, p, &mut values));
         let still = now == kept;
-        // weights are the start's: once more where they moved
+        // The weights are those of the start: one more descent is made where the parameters moved.
         let moved = (next.scale / guess.scale - 1.0)
             .abs()
             .max((next.turbidity - guess.turbidity).abs())
@@ -181,7 +182,7 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         }
     }
     let Some(round) = last else { return Err("nothing was fitted".into()) };
-    // other suns, on the same pixels
+    // Descents to other suns, on the same pixels.
     let used = |g: &Guess| descend(&pixels, &kept, channels, g, level, floor, known);
     let own = turned(sun_direction(guess.zenith), guess.azimuth);
     let mut rival = None;
@@ -208,7 +209,7 @@ pub fn termination(result: &Result<Found, String>) -> Termination {
     result.as_ref().map_or(Termination::Refused, |f| f.fit.termination)
 }
 
-/// How many pixels met which fate.
+/// How many pixels have this fate.
 pub fn count(fate: &[f32], which: f32) -> usize {
     fate.iter().filter(|f| **f == which).count()
 }

@@ -1,5 +1,6 @@
-//! What a finished fit may say: the four results with their errors, the fate of every pixel, and which of the results
-//! are not determined (a misfit beyond the noise, another sun that fits as well, a bound, too large an error).
+//! The statements of a finished fit: the four results with their errors, the fate of every pixel, and which of the
+//! results are not determined (because of a misfit beyond the noise, another sun that fits as well, a bound, or too
+//! large an error).
 
 use super::descent::{Chart, OVERHEAD, Round};
 use super::picture::{self, OUTLIER, Picture, Pixel, median};
@@ -9,13 +10,13 @@ use mesophyll_sky::preetham;
 use mesophyll_solve::Fit;
 use std::f64::consts::PI;
 
-/// Residuals beyond the noise: reduced χ² above 1 by this many of its standard deviations, or by this share where the
-/// noise was itself measured.
+/// The misfit is more than noise where reduced χ² is above 1 by this many of its standard deviations, or by this share
+/// where the noise itself was measured.
 const EXCESS: f64 = 5.0;
 const EXCESS_MEASURED: f64 = 0.4;
 
-/// The result of `round` on the pixels `kept`; `values` are the model's readings there, `rival` the zenith and azimuth
-/// of a sun as good.
+/// The result of `round` on the pixels `kept`. `values` are the model's readings there; `rival` is the zenith and
+/// azimuth of a sun that fits as well.
 pub fn finished(
     picture: &Picture,
     pixels: &[Pixel],
@@ -54,7 +55,7 @@ pub fn finished(
         }
         sum
     };
-    // A misfit widens what is printed; it does not make it right.
+    // A misfit widens the printed errors, but that does not make the results right.
     let wide = if from == NoiseFrom::Residuals { 1.0 } else { u.reduced_chi2.max(1.0).sqrt() };
     let misfit = from != NoiseFrom::Residuals && u.freedom > 0 && {
         let statistical = EXCESS * (2.0 / u.freedom as f64).sqrt();
@@ -81,7 +82,7 @@ pub fn finished(
     let mut squares = 0.0;
     let mut samples = 0;
     let sampled: Vec<usize> = pixels.iter().map(|p| p.at).collect();
-    // pixels that a large picture's thinning left out were seen and not fitted
+    // Pixels that were seen but left out when a large picture was thinned.
     for p in &picture.pixels {
         fate[p.at] = picture::HIDDEN;
     }

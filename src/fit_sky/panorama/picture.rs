@@ -5,14 +5,15 @@ use crate::{Error, Result};
 use mesophyll_files::image::Maps;
 use std::path::Path;
 
-/// Which channels mean what.
+/// Which channels hold the readings and the mask.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channels {
     /// Three (R, G, B) or one (luminance).
     pub radiance: Vec<String>,
-    /// Channel that hides: 0 (below ½) is hidden. An alpha channel `A` hides alike.
+    /// Channel of the mask: a pixel with a value below ½ is hidden. An alpha channel `A` hides in the same way.
     pub mask: Option<String>,
-    /// Readings from here on are clipped; `None`: found as the highest reading where several pixels share it.
+    /// Readings from this value on are clipped. `None`: it is found as the highest reading, where several pixels share
+    /// it.
     pub saturation: Option<f64>,
 }
 
@@ -27,7 +28,7 @@ impl Default for Channels {
 pub struct Pixel {
     /// Unit vector, z > 0.
     pub d: [f64; 3],
-    /// Readings; one channel: the first alone counts.
+    /// Readings; with one channel only the first counts.
     pub value: [f64; 3],
     /// row · width + column.
     pub at: usize,
@@ -42,7 +43,7 @@ pub const CLIPPED: f32 = -1.0;
 /// Seen, but no clear sky: a cloud, a tree or the sun's disk.
 pub const OUTLIER: f32 = -2.0;
 
-/// What of a panorama can be used.
+/// The usable part of a panorama.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// Columns of the picture.
@@ -53,7 +54,7 @@ pub struct Picture {
     pub channels: usize,
     /// The pixels that a fit may use.
     pub pixels: Vec<Pixel>,
-    /// Pixels above the horizon, and of these hidden and clipped ones.
+    /// How many pixels are above the horizon, hidden and clipped ones included.
     pub above: usize,
     /// How many of `above` the mask hides.
     pub hidden: usize,
@@ -61,19 +62,19 @@ pub struct Picture {
     pub clipped: usize,
     /// A value a pixel: [`USED`], [`HIDDEN`] (also below the horizon), [`CLIPPED`].
     pub fate: Vec<f32>,
-    /// Relative noise of a reading, from how neighbours in a row scatter about a straight line; `None` for too few of
-    /// them.
+    /// Relative noise of a reading, from the scatter of neighbours in a row about a straight line; `None` where there
+    /// are too few of them.
     pub scatter: Option<f64>,
 }
 
-/// Fewest pixels that a fit is tried on.
+/// Smallest number of pixels that a fit is tried on.
 const LEAST: usize = 12;
-/// Fewest triples of neighbours that tell the noise.
+/// Smallest number of triples of neighbours from which the noise is estimated.
 const TRIPLES: usize = 60;
-/// Sines of elevation below this are left out: the horizon's own haze, hills and refraction.
+/// Directions whose sine of elevation is below this are left out because of haze, hills and refraction at the horizon.
 const LOWEST: f64 = 0.01;
 
-/// Reads and checks.
+/// Reads and checks a panorama.
 ///
 /// # Errors
 /// [`Error::Input`] that names the file and the channel: no such channel, a size that the projection does not have,
@@ -127,7 +128,7 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
     let level = channels.saturation.unwrap_or_else(|| shared_peak(&seen));
     let bright: Vec<usize> = seen.iter().filter(|p| p.value.iter().any(|v| !(*v < level))).map(|p| p.at).collect();
     for at in &bright {
-        // the neighbours too: a clipped pixel's light spills over
+        // The neighbours are left out as well, because light of a clipped pixel spills over.
         let (column, row) = (at % w, at / w);
         for y in row.saturating_sub(1)..=(row + 1).min(h - 1) {
             for x in [(column + w - 1) % w, column, (column + 1) % w] {
@@ -138,7 +139,7 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
     let before = seen.len();
     seen.retain(|p| fate[p.at] == HIDDEN);
     let clipped = before - seen.len();
-    // what is clipped and was never seen stays hidden
+    // A pixel that is clipped but was never seen stays hidden.
     let mut all = vec![HIDDEN; w * h];
     for p in &seen {
         all[p.at] = USED;
@@ -170,15 +171,15 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
     })
 }
 
-/// The highest reading where at least three pixels have it (a sensor's end), else infinity.
+/// The highest reading where at least three pixels have it (the sensor's limit), otherwise infinity.
 fn shared_peak(pixels: &[Pixel]) -> f64 {
     let top = pixels.iter().flat_map(|p| p.value).filter(|v| !v.is_nan()).fold(0.0, f64::max);
     let sharing = pixels.iter().filter(|p| p.value.iter().any(|v| *v >= top * (1.0 - 1e-6))).count();
     if top.is_infinite() || sharing >= 3 { top * (1.0 - 1e-6) } else { f64::INFINITY }
 }
 
-/// (a − 2b + c)/(√6 b) of neighbours in a row has the noise's standard deviation where the sky is smooth: its median,
-/// scaled to a Gaussian's.
+/// Where the sky is smooth, (a − 2b + c)/(√6 b) of three neighbours in a row has the standard deviation of the noise.
+/// Its median is taken and scaled to a Gaussian's standard deviation.
 fn scatter(pixels: &[Pixel], width: usize, channels: usize) -> Option<f64> {
     let mut all: Vec<f64> = Vec::new();
     for triple in pixels.windows(3) {

@@ -1,14 +1,14 @@
-//! Where the pixels of a panorama look. Azimuth grows from +x to +y, which is counter-clockwise seen from above; z is
-//! up.
+//! The directions that the pixels of a panorama look in. Azimuth grows from +x to +y, which is counter-clockwise seen
+//! from above; z is up.
 //!
-//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row: the middle column looks to
-//!   +x and, as for a camera that turns to its right, the columns right of it towards −y: azimuth 2π(½ − u), zenith
-//!   angle πv (or πv/2).
-//! - Fisheye, square, equidistant about the zenith (an angular map that looks up): the top of the picture is +x, its
-//!   right +y; the zenith angle is the distance from the middle over half the width, times half the field. Beyond that
-//!   circle there is nothing.
+//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row. The middle column looks to
+//!   +x, and the columns to the right of it towards −y, as for a camera that turns to its right: azimuth 2π(½ − u),
+//!   zenith angle πv (or πv/2).
+//! - Fisheye, square, equidistant about the zenith (an angular map that looks up). The top of the picture is +x and its
+//!   right is +y. The zenith angle is the distance from the middle over half the width, times half the field. Outside
+//!   of that circle there is nothing.
 //!
-//! Pixel centres are looked at: u = (column + ½)/width.
+//! Directions are those of pixel centres: u = (column + ½)/width, and v likewise for rows.
 
 use std::f64::consts::{PI, TAU};
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};

@@ -1,4 +1,4 @@
-//! What a panorama's fit leaves on disk: `fit.toml`, `times.toml`, and `all.exr` (fate, reduced χ² and relative
+//! The files that a panorama's fit writes: `fit.toml`, `times.toml`, and `all.exr` (fate, reduced χ² and relative
 //! residuals of every pixel).
 
 use super::picture::{self, Channels, Picture};
@@ -14,7 +14,7 @@ use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What the fit of a panorama is told.
+/// The options of a panorama's fit.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Which directions the pixels look in.
@@ -27,8 +27,8 @@ pub struct Options {
     pub noise: Option<f64>,
 }
 
-/// Finds sun, turbidity and scale of the picture in the file `path`, and writes the folder `out`. It is fitted anew
-/// also where the folder holds this very fit.
+/// Finds sun, turbidity and scale of the picture in the file `path`, and writes the folder `out`. The fit is repeated
+/// even where the folder already holds it.
 ///
 /// # Errors
 /// A picture that cannot be read or holds no sky; a noise out of range; a folder that cannot be written or that holds

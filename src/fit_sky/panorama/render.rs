@@ -1,5 +1,5 @@
-//! Panoramas with a known answer: any [`Sky`] by its own evaluation (not the fit's), turned, scaled, with seeded noise,
-//! the sun's disk, and a sensor that clips.
+//! Panoramas with a known answer. Any [`Sky`] is evaluated by its own code (not the fit's), turned and scaled, with
+//! seeded noise, the sun's disk, and a sensor that clips.
 
 use super::projection::Projection;
 use mesophyll_capture::synth::random::Stream;
@@ -7,7 +7,7 @@ use mesophyll_files::image::Maps;
 use mesophyll_sky::{Sky, irradiance, project};
 use std::f64::consts::PI;
 
-/// What is rendered, and how.
+/// What is rendered, and with which settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shot {
     /// Which directions the pixels look in.
@@ -28,7 +28,7 @@ pub struct Shot {
     pub ground: f64,
     /// Whether the sun's disk is drawn (as one bright pixel or more).
     pub disk: bool,
-    /// Readings beyond this are cut to it; infinite: none are.
+    /// Readings beyond this value are cut to it; infinite: none are.
     pub clip: f64,
 }
 
@@ -63,7 +63,7 @@ pub fn render(sky: &dyn Sky, shot: &Shot) -> Maps {
     } else {
         [0.0; 3]
     };
-    // a pixel's width at the middle; the disk lights what it covers of the pixels that it touches
+    // Width of a pixel in the middle of the picture. The disk lights each pixel by the share of it that it covers.
     let pixel = match shot.projection {
         Projection::Equirectangular => 2.0 * PI / w as f64,
         Projection::Fisheye { field } => field / w as f64,
@@ -75,7 +75,7 @@ pub fn render(sky: &dyn Sky, shot: &Shot) -> Maps {
         for column in 0..w {
             let Some(d) = shot.projection.direction(w, h, column, row) else { continue };
             let at = row * w + column;
-            // as if the sun stood at azimuth 0
+            // The direction relative to a sun at azimuth 0.
             let turned = [cos * d[0] + sin * d[1], cos * d[1] - sin * d[0], d[2]];
             let mut rgb = if d[2] > 0.0 { sky.rgb(turned) } else { ground };
             if shot.disk && d[2] > 0.0 && mesophyll_sky::angle_to_sun(sun, turned) < reach {

@@ -1,5 +1,5 @@
-//! Where the descents begin: a coarse search over suns and turbidities, judged by the median of absolute log ratios
-//! (clouds and trees do not move it), then robust descents from the best few.
+//! Where the descents begin. A coarse search over suns and turbidities is judged by the median of absolute log ratios,
+//! which clouds and trees do not move. Then robust descents start from the best few.
 
 use super::descent::{Chart, modelled};
 use super::picture::{Picture, Pixel, median};
@@ -8,7 +8,7 @@ use mesophyll_sky::{colour, sun_direction};
 use mesophyll_solve::{Closure, Options, Termination, Trace, lm};
 use std::f64::consts::TAU;
 
-/// Sun (azimuth any), turbidity and scale.
+/// A guess of sun, turbidity and scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guess {
     pub zenith: f64,
@@ -23,19 +23,19 @@ pub struct Guess {
 const ZENITHS: [f64; 8] = [0.1, 0.35, 0.6, 0.85, 1.1, 1.3, 1.45, 1.55];
 const TURBIDITIES: [f64; 4] = [2.1, 2.8, 4.0, 7.0];
 const AROUND: usize = 16;
-/// Pixels of the coarse search and of the descents.
+/// How many pixels the coarse search uses, and how many the descents use.
 const FEW: usize = 90;
 const MORE: usize = 200;
-/// Descents.
+/// How many descents are made.
 const TRIES: usize = 4;
-/// Starts nearer to each other than this (rad) are one.
+/// Starts that are closer to each other than this (rad) count as one.
 const APART: f64 = 0.3;
-/// Where the robust loss turns from square to logarithm, in standard errors of a reading; and the least such error
-/// (relative): models are off too.
+/// Where the robust loss turns from square to logarithm, in standard errors of a reading, and the smallest standard
+/// error that is assumed (relative): models have errors, too.
 const TURN: f64 = 2.0;
 const LEAST_NOISE: f64 = 0.03;
 
-/// What the starts came to.
+/// The result of the descents from all starts.
 pub struct Starts {
     /// Distinct minima by rising cost.
     pub guesses: Vec<Guess>,
@@ -44,13 +44,13 @@ pub struct Starts {
     pub evaluations: usize,
 }
 
-/// Every n-th pixel, so that about `count` remain.
+/// Every n-th pixel, with n such that about `count` remain.
 fn thinned(pixels: &[Pixel], count: usize) -> Vec<Pixel> {
     let step = (pixels.len() as f64 / count as f64).max(1.0);
     (0..pixels.len().min(count)).map(|k| pixels[((k as f64 + 0.5) * step) as usize % pixels.len()]).collect()
 }
 
-/// Candidates by rising score, each apart from the better ones.
+/// Candidates with rising score, each far enough from the better ones.
 fn coarse(picture: &Picture) -> Vec<Guess> {
     let pixels = thinned(&picture.pixels, FEW);
     let bright: Vec<f64> = pixels
@@ -59,7 +59,7 @@ fn coarse(picture: &Picture) -> Vec<Guess> {
         .map(|v| if v > 0.0 { v.ln() } else { f64::NAN })
         .collect();
     let turbids = TURBIDITIES.map(Turbid::new);
-    // the brightest place is a candidate of its own
+    // The brightest place is an additional candidate.
     let peak = picture.pixels.iter().max_by(|a, b| a.value[0].total_cmp(&b.value[0]));
     let mut suns: Vec<(f64, f64)> = ZENITHS
         .iter()
@@ -139,7 +139,7 @@ pub fn find(picture: &Picture, noise: f64) -> Starts {
         };
         let fit = lm::minimize(&problem, &chart.start(&guess), &options);
         out.evaluations += fit.evaluations;
-        // a limit of iterations is no matter here: it is a start
+        // It does not matter if the limit of iterations is reached: the result is only a start.
         let usable =
             fit.converged() || matches!(fit.termination, Termination::IterationLimit | Termination::NoProgress);
         if !usable || fit.params.iter().any(|v| !v.is_finite()) {
@@ -173,7 +173,7 @@ pub fn turned(d: [f64; 3], azimuth: f64) -> [f64; 3] {
     [c * d[0] - s * d[1], s * d[0] + c * d[1], d[2]]
 }
 
-/// Angle between unit vectors, to full precision at both ends.
+/// Angle between unit vectors, precise for small and large angles.
 pub fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     (cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2])

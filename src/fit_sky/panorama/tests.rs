@@ -25,7 +25,7 @@ fn off(f: &Found, truth: [f64; 4]) -> [f64; 4] {
     [f.sun_zenith.value - truth[0], turn, f.turbidity.value - truth[2], f.scale.value / truth[3] - 1.0]
 }
 
-/// Without noise the truth comes back, for suns from the zenith to the horizon, in both projections.
+/// Without noise the fit returns the truth, for suns from the zenith to the horizon and in both projections.
 #[test]
 fn an_exact_panorama_gives_its_sky_back() {
     for (zenith, azimuth, turbidity) in [(0.05, 0.4, 3.0), (0.8, -2.9, 2.2), (1.2, 3.1, 5.0), (1.5, 1.0, 3.0)] {
@@ -42,9 +42,9 @@ fn an_exact_panorama_gives_its_sky_back() {
     }
 }
 
-/// 95 % intervals hold 93 to 97 % of the truths, result by result, over 1000 seeded panoramas: these hold 96.0, 95.4,
-/// 95.8 and 96.2 %. Panoramas of 32 × 16 pixels hold 94.9, 94.9, 94.6 and 94.6 % over the seeds 0 to 3999; blocks of a
-/// thousand scatter more than independent ones would (0 to 999: turbidity 92.6 %).
+/// Over 1000 seeded panoramas, the 95 % intervals of each result must contain 93 to 97 % of the truths; they contain
+/// 96.0, 95.4, 95.8 and 96.2 %. For panoramas of 32 × 16 pixels with the seeds 0 to 3999 it is 94.9, 94.9, 94.6 and
+/// 94.6 %. Blocks of a thousand seeds scatter more than independent ones would (0 to 999: turbidity 92.6 %).
 #[test]
 fn stated_errors_cover() {
     let runs: Vec<[bool; 4]> = (1000..2000u64)
@@ -65,7 +65,7 @@ fn stated_errors_cover() {
     assert!(share.iter().all(|s| (0.93..=0.97).contains(s)), "{share:?}");
 }
 
-/// Half of the dome behind a wall (NaN), and bright clouds on a sixth of the rest that nobody masked.
+/// Half of the dome is hidden behind a wall (NaN), and a sixth of the rest has bright clouds that nobody masked.
 #[test]
 fn hidden_halves_and_clouds_do_not_move_the_sun() {
     let sky = Preetham.at(0.9, 3.0).unwrap();
@@ -94,7 +94,7 @@ fn hidden_halves_and_clouds_do_not_move_the_sun() {
     );
 }
 
-/// The disk, and a sensor that ends below it.
+/// The sun's disk, with a sensor that clips below its brightness.
 #[test]
 fn the_sun_itself_does_no_harm_clipped_or_not() {
     let sky = Preetham.at(0.7, 3.0).unwrap();
@@ -116,7 +116,7 @@ fn the_sun_itself_does_no_harm_clipped_or_not() {
     }
 }
 
-/// Another model's sky is not Preetham's: the misfit is said, and nothing is called determined.
+/// The sky of another model is not Preetham's: the misfit is stated, and nothing is called determined.
 #[test]
 fn another_sky_is_a_misfit_by_name() {
     let sky = HosekWilkie { albedo: [0.2; 3] }.sky(0.8, 3.0).unwrap();
@@ -132,11 +132,11 @@ fn another_sky_is_a_misfit_by_name() {
         f.status
     );
     assert!(f.reduced_chi2 > 2.0);
-    // what no model of a sky symmetric about the sun's meridian can get wrong is its azimuth
+    // Any sky that is symmetric about the sun's meridian gives the right azimuth.
     assert!((f.sun_azimuth.value - 0.7).abs() < 0.02, "{:?}", f.sun_azimuth);
 }
 
-/// A patch of a few pixels leaves things open, and says which.
+/// A patch of a few pixels leaves some results open, and the fit says which.
 #[test]
 fn a_patch_determines_less_and_says_so() {
     let sky = Preetham.at(0.9, 3.0).unwrap();

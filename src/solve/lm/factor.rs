@@ -1,6 +1,6 @@
-//! The linear algebra of a step: QR of the free columns once, then any damping on the small triangle.
+//! The linear algebra of a step: one QR of the free columns serves all dampings, which work on its small triangle.
 
-// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+// A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::run::{Run, dot};
@@ -15,7 +15,7 @@ pub(super) struct Factor {
     b: Vec<f64>,
     weight: Vec<f64>,
     n: usize,
-    /// No diagonal entry is zero to rounding.
+    /// Whether no diagonal entry is zero to rounding.
     regular: bool,
 }
 
@@ -25,7 +25,7 @@ impl Factor {
         let mut j: Vec<f64> = free.iter().flat_map(|&k| run.column(k).iter().copied()).collect();
         let mut b: Vec<f64> = run.r.iter().map(|r| -r).collect();
         qr::reduce(&mut j, m, n, &mut b);
-        // Fewer residuals than parameters: the missing rows are zero.
+        // Where there are fewer residuals than parameters, the missing rows are zero.
         let r: Vec<f64> =
             (0..n * n).map(|k| if k % n <= k / n && k % n < m { j[k / n * m + k % n] } else { 0.0 }).collect();
         b.resize(n, 0.0);
@@ -36,7 +36,8 @@ impl Factor {
         Factor { r, b, weight, n, regular }
     }
 
-    /// (whether λ = 0, p) with |D p| within a tenth of `radius`, or shorter and undamped (Moré, section 5).
+    /// Returns whether λ = 0, and the step p. |D p| is within a tenth of `radius`, or p is shorter and undamped (Moré,
+    /// section 5).
     pub(super) fn step(&self, radius: f64) -> (bool, Vec<f64>) {
         let n = self.n;
         let mut lower = 0.0;
@@ -48,7 +49,7 @@ impl Factor {
             }
             lower = (length - radius) / (radius * self.newton_slope(&self.r, &p, length));
         }
-        // |D⁻¹ Rᵀ b| / Δ bounds λ from above.
+        // |D⁻¹ Rᵀ b| / Δ is an upper bound of λ.
         let pull: Vec<f64> = (0..n).map(|k| dot(&self.r[k * n..=k * n + k], &self.b[..=k]) / self.weight[k]).collect();
         let pull = qr::length(&pull);
         let mut upper = pull / radius;
@@ -78,9 +79,9 @@ impl Factor {
         (false, p)
     }
 
-    /// Length of the residuals' projection on the model's tangent: over |r|, the cosine of Bates and Watts; its square
-    /// is the share of the cost that a linear model could still take away. Directions without rank do not count: there
-    /// the tangent is rounding.
+    /// Length of the residuals' projection on the model's tangent. Divided by |r| it is the cosine of Bates and Watts;
+    /// the cosine's square is the share of the cost that a linear model could still remove. Directions without rank do
+    /// not count, because the tangent is only rounding there.
     pub(super) fn offset(&self, tolerance: f64) -> f64 {
         let n = self.n;
         let scale: Vec<f64> = (0..n).map(|k| qr::length(&self.r[k * n..(k + 1) * n])).collect();

@@ -41,8 +41,8 @@ pub struct Options {
     pub upper: Vec<f64>,
     /// What is known of the noise, from which standard errors follow.
     pub noise: Noise,
-    /// Singular values below this share of the largest are zero. `None`: n·ε with derivatives, 1e-10 with numeric
-    /// differences.
+    /// Singular values below this share of the largest count as zero. `None` means n·ε with analytic derivatives and
+    /// 1e-10 with numeric differences.
     pub rank_tolerance: Option<f64>,
 }
 
@@ -62,7 +62,7 @@ impl Default for Options {
     }
 }
 
-/// What came out of a fit.
+/// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// Fitted parameters. NaN where nothing was fitted ([`Termination::Refused`], [`Termination::Flat`], or not one
@@ -78,7 +78,7 @@ pub struct Fit {
     pub at_bound: Vec<usize>,
     /// Why it ended.
     pub termination: Termination,
-    /// A row an accepted step, the start included.
+    /// One row for each accepted step, and one for the start.
     pub trace: Trace,
     /// Evaluations of the residuals or the Jacobian (numeric Jacobians count every difference).
     pub evaluations: usize,
@@ -106,12 +106,12 @@ impl Fit {
 
 /// Minimises ½ Σ r² from `start`.
 ///
-/// Convergence: see the tolerances in [`Options`]. A stalled cost or a collapsed radius counts only where at most 1e-8
-/// of the cost is left to gain by the linear model (or the residuals are down to their rounding); else the run goes on,
-/// or ends as [`Termination::NoProgress`].
+/// Convergence is defined by the tolerances in [`Options`]. A stalled cost or a collapsed radius counts only where, by
+/// the linear model, at most 1e-8 of the cost can still be gained, or where the residuals are down to their rounding.
+/// Otherwise the run goes on, or ends as [`Termination::NoProgress`].
 ///
-/// `start` has one value a parameter; outside its bounds it is moved onto them. Never panics on what a model returns:
-/// NaN or infinite residuals at a trial point shorten the step, at the start they end the run as
+/// `start` has one value a parameter; values outside the bounds are moved onto them. The function never panics on what
+/// a model returns. NaN or infinite residuals shorten the step at a trial point; at the start they end the run as
 /// [`Termination::NotFinite`]. Lengths that do not fit the problem, empty problems, crossed bounds and a start that is
 /// not finite end as [`Termination::Refused`].
 pub fn minimize(problem: &dyn Problem, start: &[f64], options: &Options) -> Fit {

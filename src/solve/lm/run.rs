@@ -1,6 +1,6 @@
-//! One run of the descent: trial steps, their acceptance, and why it stops.
+//! One run of the descent: its trial steps, whether they are accepted, and why it stops.
 
-// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+// A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::factor::Factor;
@@ -11,8 +11,8 @@ use crate::uncertainty::Uncertainty;
 use crate::{jacobian, qr};
 use std::time::Instant;
 
-/// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is
-/// left to gain.
+/// Relative offset (see [`minimize`]) below which a stalled cost or radius counts as convergence: 1e-8 of the cost can
+/// still be gained.
 const SETTLED: f64 = 1e-4;
 
 /// One run's working state.
@@ -25,7 +25,7 @@ pub(super) struct Run<'a> {
     pub(super) r: Vec<f64>,
     /// Jacobian at `x`, column-major.
     j: Vec<f64>,
-    /// |r|. Ratios are formed with it, not with the cost: its square leaves the range of `f64` long before it does.
+    /// |r|. Ratios are formed with it and not with the cost, whose square leaves the range of `f64` much earlier.
     norm: f64,
     /// Diagonal of D.
     scale: Vec<f64>,
@@ -36,7 +36,7 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// At `start`, moved onto the bounds where it lies beyond them.
+    /// A run at `start`, which is moved onto the bounds where it lies beyond them.
     pub(super) fn new(problem: &'a dyn Problem, options: &'a Options, start: &[f64]) -> Self {
         let (n, m) = (problem.parameters(), problem.residuals());
         let mut run = Run {
@@ -67,7 +67,7 @@ impl<'a> Run<'a> {
         self.options.upper.get(k).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Jacobian at `x` into `out`; whether all of it is finite.
+    /// Writes the Jacobian at `x` into `out` and returns whether all of it is finite.
     fn differentiate(&mut self, x: &[f64], out: &mut [f64]) -> bool {
         self.analytic = self.problem.jacobian(x, out);
         self.evaluations += if self.analytic {
@@ -86,8 +86,8 @@ impl<'a> Run<'a> {
         &self.j[k * self.m..(k + 1) * self.m]
     }
 
-    /// Cosine between a column of the Jacobian and the residuals: the gradient without its scale. 0 for a column of
-    /// zeros.
+    /// Cosine of the angle between a column of the Jacobian and the residuals: the gradient without its scale. 0 for a
+    /// column of zeros.
     fn cosine(&self, k: usize) -> f64 {
         let (column, length) = (self.column(k), qr::length(self.column(k)));
         if length == 0.0 || self.norm == 0.0 {
@@ -96,7 +96,7 @@ impl<'a> Run<'a> {
         column.iter().zip(&self.r).map(|(c, r)| (c / length) * (r / self.norm)).sum()
     }
 
-    /// Parameters that may move: not resting on a bound that the descent direction points out of.
+    /// Parameters that may move: those that do not rest on a bound which the descent direction points out of.
     fn free(&self) -> Vec<usize> {
         (0..self.n)
             .filter(|&k| {
@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// D with ones where a column has been zero so far.
+    /// The diagonal of D, with ones where a column has been zero so far.
     pub(super) fn weight(&self, k: usize) -> f64 {
         if self.scale[k] > 0.0 { self.scale[k] } else { 1.0 }
     }
@@ -167,8 +167,8 @@ impl<'a> Run<'a> {
             }
             let factor = Factor::new(self, &free);
             let norm = self.norm;
-            // Rounding of the residuals' own terms, relative to the residuals: below it an offset is noise
-            // (zero-residual problems).
+            // The rounding of the terms of the residuals, relative to the residuals. An offset below it is noise (in
+            // problems with zero residuals).
             let terms: f64 = (0..self.n).map(|k| qr::length(self.column(k)) * self.x[k].abs()).sum();
             let rounding = 4.0 * f64::EPSILON * (first_norm + terms) / norm;
             let tolerance = self.rank_tolerance();
@@ -181,13 +181,13 @@ impl<'a> Run<'a> {
                 if iteration == 1 {
                     radius = radius.min(trial.length);
                 }
-                // Gain ratio: what the cost did over what the linear model promised.
+                // Gain ratio: the actual decrease of the cost over the decrease that the linear model promised.
                 let actual =
                     if trial.norm < 3.0 * norm { 1.0 - (trial.norm / norm) * (trial.norm / norm) } else { -1.0 };
                 let predicted = trial.predicted;
                 let ratio = if predicted > 0.0 { actual / predicted } else { -1.0 };
                 if !(ratio > 0.25) {
-                    // The parabola through the cost, its slope and the trial cost has its minimum here.
+                    // The parabola through the cost, its slope and the trial cost has its minimum at this share.
                     let slope = trial.slope.min(0.0);
                     let shrink = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + actual) };
                     radius = trial.length.min(radius)
@@ -316,6 +316,6 @@ struct Trial {
     predicted: f64,
     /// Slope of the cost along the step, relative to the cost.
     slope: f64,
-    /// An undamped Gauss–Newton step.
+    /// Whether it is an undamped Gauss–Newton step.
     full: bool,
 }

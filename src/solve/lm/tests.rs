@@ -30,7 +30,8 @@ fn rosenbrock_is_solved_from_afar() {
     }
 }
 
-/// Standard errors against the scatter of fits to data with seeded noise: an independent route to the same numbers.
+/// Compares standard errors with the scatter of fits to data with seeded noise, which is an independent way to the same
+/// numbers.
 #[test]
 fn standard_errors_agree_with_the_scatter_of_repeated_fits() {
     use rand::RngExt;
@@ -61,7 +62,7 @@ fn standard_errors_agree_with_the_scatter_of_repeated_fits() {
     }
     for k in 0..2 {
         let scatter = (squares[k] / f64::from(runs)).sqrt();
-        // The scatter of 1500 runs is itself known to 1/√3000 = 1.8 %: four of those.
+        // The scatter of 1500 runs is itself known to 1/√3000 = 1.8 %; the limit is four times that.
         assert!(
             (scatter / predicted[k] - 1.0).abs() < 0.073,
             "parameter {k}: scatter {scatter}, predicted {}",
@@ -116,7 +117,7 @@ fn a_region_without_values_is_stepped_around() {
 
 #[test]
 fn bounds_hold_and_the_rest_is_still_optimal() {
-    // Best with p0 ≥ 2.5: p1 minimises the remaining one-parameter problem.
+    // The best solution with p0 ≥ 2.5: p1 minimises the remaining problem of one parameter.
     let problem = Closure::new(2, 12, decay);
     let options = Options { lower: vec![2.5, 0.0], upper: vec![10.0, 10.0], ..Options::default() };
     for start in [[3.0, 1.0], [9.0, 0.01], [2.5, 5.0]] {
@@ -146,7 +147,7 @@ fn units_do_not_matter() {
     assert!((fit.uncertainty.condition / plain.uncertainty.condition - 1.0).abs() < 1e-5);
 }
 
-/// Residuals whose squares are beyond the range of doubles, both ways.
+/// Residuals whose squares are too large or too small for doubles.
 #[test]
 fn the_size_of_the_residuals_does_not_matter() {
     let plain = minimize(&Closure::new(2, 12, decay), &[1.0, 1.0], &Options::default());
