@@ -1,7 +1,8 @@
-//! A blade as maps: outline, thickness, and of each side heights, normals and the share of the light that enters.
+//! A blade as maps: outline and thickness, and for each side heights, normals and the share of the light that enters.
 //!
-//! Row-major, row 0 on top. Everything the sides share is in the front's columns; a side's own maps are as its camera
-//! saw them: column i of the back is column W−1−i of the front. Lengths in mm.
+//! Maps are row-major with row 0 on top. What the sides share is stored in the front's columns. A side's own maps are
+//! as its camera saw them: column i of the back is column W−1−i of the front, W being the number of columns. Lengths in
+//! mm.
 
 use mesophyll_optics::side::{Side, mirror};
 use std::borrow::Cow;
@@ -72,8 +73,9 @@ impl Blade {
         }
     }
 
-    /// A blade from the heights of its two sides, each outward over one mid plane and in its own columns: thickness is
-    /// the heights' sum (the distance of the surfaces), normals are the heights' slopes. `entry`: front, back.
+    /// A blade from the heights of its two sides, each measured outward from one mid plane and in its own columns. The
+    /// thickness is the sum of the heights (the distance between the surfaces); normals are the slopes of the heights.
+    /// `entry`: front, back.
     pub fn from_heights(
         width: usize,
         height: usize,
@@ -100,7 +102,7 @@ impl Blade {
         }
     }
 
-    /// The blade as the camera of `side` sees it, that side being lit.
+    /// The blade as the camera of `side` sees it when that side is lit.
     pub fn lit(&self, side: Side) -> LitSide<'_> {
         let (mask, thickness) = match side {
             Side::Front => (Cow::from(&self.mask), Cow::from(&self.thickness)),
@@ -129,7 +131,7 @@ impl Blade {
         on.fold(None, |range, d| Some(range.map_or([d, d], |[a, b]: [f64; 2]| [a.min(d), b.max(d)])))
     }
 
-    /// Whether the maps hold what their descriptions promise.
+    /// Checks that the maps hold what their descriptions promise.
     ///
     /// # Errors
     /// A sentence that names the map, the texel, what was found and what was expected.
@@ -192,8 +194,8 @@ impl Blade {
     }
 }
 
-/// Thickness (mm, front's columns) from the heights of both sides, each outward over one mid plane and in its own
-/// columns (H9 §3.3.2: the difference of the displacement maps); 0 off the leaf.
+/// Thickness (mm, front's columns) from the heights of both sides, each measured outward from one mid plane and in its
+/// own columns (H9 §3.3.2: the difference of the displacement maps); 0 off the leaf.
 pub fn thickness(mask: &[bool], front: &[f64], back: &[f64], width: usize) -> Vec<f64> {
     let back = mirror(back, width);
     mask.iter().zip(front.iter().zip(&back)).map(|(&on, (f, b))| if on { f + b } else { 0.0 }).collect()
@@ -208,7 +210,7 @@ mod tests {
         let (w, h) = (7, 5);
         let mask: Vec<bool> = (0..w * h).map(|k| k % w > 1 && k / w > 0).collect();
         let front: Vec<f64> = (0..w * h).map(|k| 0.1 + 0.01 * (k % w) as f64).collect();
-        // As the back's camera sees it: rising to its right is rising to the front's left.
+        // In the image of the back's camera it rises to the right, which is to the left in the front's image.
         let back: Vec<f64> = (0..w * h).map(|k| 0.2 + 0.03 * (k % w) as f64).collect();
         Blade::from_heights(w, h, 0.5, mask, [front, back], [vec![0.9; w * h], vec![0.8; w * h]])
     }
@@ -226,7 +228,7 @@ mod tests {
                 let there = if front.mask[f] { 0.1 + 0.01 * i as f64 + 0.2 + 0.03 * (6 - i) as f64 } else { 0.0 };
                 assert!((front.thickness[f] - there).abs() < 1e-15);
                 if front.mask[f] {
-                    // Both rise to the right of their own cameras: slopes .02 and .06.
+                    // Both rise to the right in the images of their own cameras: slopes .02 and .06.
                     assert!((front.surface.normal[f][0] / front.surface.normal[f][2] + 0.02).abs() < 1e-12);
                     assert!((back.surface.normal[b][0] / back.surface.normal[b][2] + 0.06).abs() < 1e-12);
                 }

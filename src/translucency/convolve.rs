@@ -1,10 +1,11 @@
 //! The light that a leaf lets through: out(x_o) = A_p Σ_i T(|x_o − x_i|, d_i) s_i (H9 Eq. 3.14 without the albedos),
-//! for many images s at once.
+//! for many images s at once. s_i is the light that enters texel i of area A_p and thickness d_i, and T is the kernel
+//! of [`mesophyll_optics::dipole`].
 //!
-//! The kernel belongs to the thickness of the texel where the light enters. Shapes of a few [`Levels`] of thickness are
-//! convolved by FFT; the total of each texel is that of its own thickness, exactly. The thin form's unscattered light
-//! stays in its texel. Thickness in mm; 0, negative or NaN lets nothing in (off the leaf, or a hole, which is open sky
-//! and not tissue).
+//! The kernel is that of the thickness where the light enters. Shapes for a few [`Levels`] of thickness are convolved
+//! by FFT, while each texel's total is exactly that of its own thickness. The thin form's unscattered light stays in
+//! its texel. Thickness is in mm; where it is 0, negative or NaN nothing enters (off the leaf, or in a hole, which is
+//! open sky and not tissue).
 
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
@@ -28,7 +29,7 @@ pub enum Totals {
     Transport,
 }
 
-/// Everything that decides a convolution besides the maps.
+/// All settings of a convolution besides the maps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// What the inside of the leaf is made of.
@@ -37,11 +38,11 @@ pub struct Settings {
     pub form: Form,
     /// How many thicknesses have kernels of their own.
     pub levels: Levels,
-    /// How much comes through in all.
+    /// Where the total transmittance is taken from.
     pub totals: Totals,
     /// Side of a texel, mm.
     pub texel_mm: f64,
-    /// Kernels end where less than this share of the light leaves farther away.
+    /// Kernels end at the distance beyond which less than this share of the light leaves.
     pub tail: f64,
 }
 
@@ -60,7 +61,7 @@ pub struct Convolver {
     pub(super) nodes: Nodes,
     pub(super) kernels: Vec<Kernel>,
     pub(super) spectra: Vec<Spectrum>,
-    /// Scattered total and unscattered share over the thickness.
+    /// Scattered total and unscattered share as functions of the thickness.
     totals: [Option<Curves<1>>; 2],
 }
 
@@ -102,8 +103,8 @@ impl Convolver {
     }
 
     /// # Errors
-    /// A tissue, texel, level count or thickness out of range; a form that diffusion does not carry at `thinnest_mm`
-    /// ([`Form::Thin`] is for every thickness).
+    /// A tissue, texel, level count or thickness out of range; a form for which `thinnest_mm` is too thin
+    /// ([`Form::Thin`] serves every thickness).
     pub fn with(
         settings: &Settings,
         width: usize,
@@ -123,7 +124,7 @@ impl Convolver {
         Convolver::build(settings, width, height, nodes, [thinnest_mm, thickest_mm])
     }
 
-    /// For one map: exact where it holds few thicknesses, levels otherwise. `None` where no texel has a thickness.
+    /// For one map: exact where it has few thicknesses, with levels otherwise. `None` where no texel has a thickness.
     ///
     /// # Errors
     /// As [`Convolver::with`].
@@ -202,7 +203,7 @@ impl Convolver {
         self.kernels.first().map_or(0, |k| k.reach)
     }
 
-    /// Scattered and unscattered light of one entering unit at thickness `d` (0 where there is no tissue).
+    /// Scattered and unscattered light for one unit that enters at thickness `d` (0 where there is no tissue).
     fn parts(&self, d: f64) -> [f64; 2] {
         if !(d > 0.0) {
             return [0.0; 2];
@@ -212,7 +213,7 @@ impl Convolver {
         [at(0), at(1)]
     }
 
-    /// Per texel: its weight on each level, with its own total in it, then the unscattered share.
+    /// For each texel: its weight on each level, which includes its own total, and then the unscattered share.
     fn weights(&self, thickness: &[f64]) -> Vec<f64> {
         let n = self.nodes.count() + 1;
         let mut weights = vec![0.0; thickness.len() * n];
@@ -235,8 +236,8 @@ impl Convolver {
         );
     }
 
-    /// The light that leaves, one map an image: `images` is what enters (per area), `thickness` mm; all row by row, of
-    /// the size given at the start.
+    /// The light that leaves, one map for each image. `images` is what enters (per area), `thickness` is in mm. All
+    /// maps are row by row, of the size given at the start.
     ///
     /// # Panics
     /// Where a map has another size.
@@ -245,8 +246,8 @@ impl Convolver {
         self.run_each(&sources)
     }
 
-    /// [`Convolver::run`] for images that have a thickness map each (`(thickness, image)`: both sides of a leaf): two
-    /// images share a transform.
+    /// [`Convolver::run`] for images that have a thickness map each (`(thickness, image)`), such as both sides of a
+    /// leaf. Two images share a transform.
     ///
     /// # Panics
     /// Where a map has another size.
@@ -323,7 +324,8 @@ impl Convolver {
         out
     }
 
-    /// [`Convolver::run`] texel by texel in space, with the same kernels and weights: the oracle, O(texels²).
+    /// [`Convolver::run`] texel by texel in space, with the same kernels and weights. It is the reference for tests and
+    /// takes O(texels²).
     ///
     /// # Panics
     /// Where a map has another size.
@@ -353,7 +355,7 @@ fn scattered(tissue: &Tissue, d: f64, form: Form) -> f64 {
     tissue.beyond(0.0, d, form)
 }
 
-/// Scattered and unscattered light of one entering unit.
+/// Scattered and unscattered light of one unit that enters.
 pub(super) fn total_parts(settings: &Settings, d: f64) -> [f64; 2] {
     let Settings { tissue, form, .. } = settings;
     let parts = [scattered(tissue, d, *form), tissue.ballistic(d, *form)];
@@ -365,7 +367,7 @@ pub(super) fn total_parts(settings: &Settings, d: f64) -> [f64; 2] {
     if whole > 0.0 { parts.map(|p| p * wanted / whole) } else { [0.0, wanted] }
 }
 
-/// Radius (mm) that less than `tail` of the scattered light passes.
+/// Radius (mm) beyond which less than `tail` of the scattered light leaves.
 pub fn support(tissue: &Tissue, form: Form, d: f64, tail: f64) -> f64 {
     let whole = scattered(tissue, d, form);
     let outside = |r: f64| whole > 0.0 && tissue.beyond(r, d, form).abs() > tail * whole;

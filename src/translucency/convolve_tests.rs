@@ -1,5 +1,5 @@
-//! The FFT convolution against direct sums, the kernel against brute integration, the levels against a kernel for every
-//! thickness.
+//! Compares the FFT convolution with direct sums, the kernel with brute-force integration, and the levels with a
+//! separate kernel for every thickness.
 
 use super::super::levels::LevelKind;
 use super::*;
@@ -23,7 +23,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn transforms_equal_direct_sums() {
-    // Sizes that are no powers of two, wider and taller than the kernel and smaller.
+    // Sizes that are no powers of two; maps wider and taller than the kernel, and smaller ones.
     for (width, height, texel) in [(37, 23, 0.1), (9, 31, 0.05), (1, 1, 0.1), (1, 12, 0.3), (14, 14, 2.0)] {
         for form in [Form::Thin, Form::Images, Form::Dipoles(3)] {
             let n = width * height;
@@ -66,7 +66,7 @@ fn the_kernel_is_the_integral_over_each_texel() {
     let [kernel] = Kernel::build(|r| [t.beyond(r, d, Form::Images) / t.total(d, Form::Images)], texel, 30, true);
     let rule = slab::quadrature::gauss(8);
     for (i, j) in [(0, 0), (1, 0), (2, 1), (5, 7), (12, 3)] {
-        // The centre's peak is integrated from one corner, whose sides are half as long.
+        // The peak in the centre is integrated from one corner, with sides half as long.
         let integral: f64 = (0..4)
             .flat_map(|p| rule.iter().flat_map(move |a| gauss8().into_iter().map(move |b| (p, *a, b))))
             .map(|(p, a, b)| {
@@ -87,7 +87,7 @@ fn gauss8() -> Vec<slab::quadrature::Node> {
 
 #[test]
 fn the_kernel_s_spectrum_is_the_tissue_s_folded_over_the_texels() {
-    // Σ w e^(−ikx) = Σ over aliases of T̂ sinc sinc: the Fourier way to the same kernel, where it converges.
+    // Σ w e^(−ikx) = Σ over aliases of T̂ sinc sinc: the same kernel by its Fourier transform, where that converges.
     let (t, d, h) = (Tissue::TABLE, 0.35, 0.1);
     let [kernel] = Kernel::build(|r| [t.beyond(r, d, Form::Images) / t.total(d, Form::Images)], h, 60, true);
     let sinc = |x: f64| if x == 0.0 { 1.0 } else { x.sin() / x };
@@ -129,7 +129,7 @@ fn no_light_is_lost_on_the_grid() {
             assert!((sum - 1.0).abs() < 1e-12, "{form:?} d {d}: {sum}");
         }
     }
-    // Far thinner than a texel, nothing reaches the next one.
+    // The leaf is far thinner than a texel, so nothing reaches the next texel.
     let convolver = Convolver::with(&settings(Form::Thin, 1.0), 9, 9, 0.02, 0.02).unwrap();
     let mut spot = vec![0.0; 81];
     spot[40] = 1.0;
@@ -140,7 +140,8 @@ fn no_light_is_lost_on_the_grid() {
 
 #[test]
 fn nothing_wraps_around() {
-    // A spot in one corner of a small leaf: what leaves at the other side is the kernel's own value, not its image.
+    // The spot is in one corner of a small leaf. What leaves at the opposite corner is the kernel's own value and not a
+    // periodic copy of the spot.
     let settings = Settings { tail: 1e-9, ..settings(Form::Thin, 0.1) };
     let convolver = Convolver::with(&settings, 24, 24, 0.3, 0.3).unwrap();
     let mut spot = vec![0.0; 24 * 24];
@@ -166,7 +167,8 @@ fn a_flat_uniform_leaf_transmits_the_slab() {
 
 #[test]
 fn eight_levels_are_enough() {
-    // d from .15 to .5 mm, every texel its own: RMS against a kernel for each, relative to the mean.
+    // d is between .15 and .5 mm, different in every texel. The RMS error is compared with a separate kernel for each
+    // texel, relative to the mean.
     let (width, height) = (12, 10);
     let n = width * height;
     let thickness = noise(1, n, 0.15, 0.5);

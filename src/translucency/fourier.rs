@@ -1,8 +1,8 @@
-//! Real maps convolved with real, even kernels: padded two-dimensional FFTs, two maps a complex transform.
+//! Real maps convolved with real, even kernels by padded two-dimensional FFTs; each complex transform carries two maps.
 //!
-//! Rows first, then columns in blocks that stay in the cache; a map's transform is multiplied and summed while its
-//! column is at hand. The spectrum of a kernel that is even along both axes is real and even: a quarter of it is
-//! stored, and the two maps of a transform never have to be told apart.
+//! Rows come first, then columns in blocks that stay in the cache. A map's transform is multiplied and summed while its
+//! column is in the cache. The spectrum of a kernel that is even along both axes is real and even. So only a quarter of
+//! it is stored, and the two maps of a transform never have to be separated.
 
 use super::kernel::Kernel;
 use mesophyll_fourier::{Complex, Transform, forward, inverse};
@@ -19,7 +19,7 @@ const ZERO: C = C::new(0.0, 0.0);
 pub(crate) struct Grid {
     pub width: usize,
     pub height: usize,
-    /// Padded sizes: nothing that leaves the map on one side comes back on the other.
+    /// Padded sizes, chosen so that nothing that leaves the map on one side comes back on the other.
     columns: usize,
     rows: usize,
     along: [Transform; 2],
@@ -71,7 +71,7 @@ impl Grid {
     pub fn spectrum(&self, kernel: &Kernel) -> Spectrum {
         let (right, bottom) = (kernel.reach.min(self.width - 1), kernel.reach.min(self.height - 1));
         let (half, tall) = (self.columns / 2 + 1, self.rows / 2 + 1);
-        // Rows, two to a transform: both are even, so both spectra are real.
+        // Rows, two in one transform: both are even, so both spectra are real.
         let mut lines = vec![0.0; (bottom + 2) * half];
         lines.par_chunks_mut(2 * half).enumerate().for_each(|(pair, out)| {
             let mut buffer = vec![ZERO; self.columns];
@@ -108,8 +108,8 @@ impl Grid {
         Spectrum { values }
     }
 
-    /// Σ_k kernel_k ∗ source_k for the two maps that `fill(y, k, row)` writes as real and imaginary part of row y
-    /// (`width` values, zero before).
+    /// Σ_k kernel_k ∗ source_k for two maps. `fill(y, k, row)` writes them as real and imaginary part of row y (`width`
+    /// values, which are zero before).
     pub fn forward(&self, kernels: &[&Spectrum], fill: impl Fn(usize, &mut [&mut [C]]) + Sync) -> Vec<C> {
         let (count, tall) = (kernels.len(), self.rows / 2 + 1);
         let mut lines = vec![ZERO; self.height * count * self.columns];
@@ -169,8 +169,8 @@ impl Grid {
         self.rows_back(&turned, 1, |_, parts| parts[0].clone()).concat()
     }
 
-    /// The transpose: two maps (`fill(y, row)`) convolved with every kernel; `gather(y, parts)` makes of row y (`width`
-    /// values a kernel) what is wanted.
+    /// The transpose: two maps (`fill(y, row)`) convolved with every kernel. `gather(y, parts)` turns row y (`width`
+    /// values for each kernel) into the result.
     pub fn backward<R: Send>(
         &self,
         kernels: &[&Spectrum],
@@ -221,9 +221,9 @@ impl Grid {
         self.rows_back(&turned, count, gather)
     }
 
-    /// How much each stored value of a kernel's spectrum counts in ⟨view, kernel ∗ part k⟩, for every part that `fill`
-    /// writes (as [`Grid::forward`]) and the map that `view` writes (as [`Grid::backward`]); the two maps of a
-    /// transform are added up. The derivative by a kernel, whatever the kernel is.
+    /// The weight of each stored value of a kernel's spectrum in ⟨view, kernel ∗ part k⟩, for every part that `fill`
+    /// writes (as in [`Grid::forward`]) and the map that `view` writes (as in [`Grid::backward`]). The two maps of a
+    /// transform are added up. This is the derivative by a kernel, whatever the kernel is.
     pub fn correlate(
         &self,
         count: usize,

@@ -1,20 +1,20 @@
-//! The kernel of one thickness on a texel grid: the light that enters at a texel's centre, integrated over every texel
-//! it leaves from.
+//! The kernel of one thickness on a grid of texels: light enters at a texel's centre, and the light that leaves is
+//! integrated over each texel.
 //!
-//! The radial flow j(r) = G(r)/(2πr), G(r) = 2π ∫_r^∞ T s ds, has the divergence −T away from the source. What a texel
-//! receives is therefore what flows in over its edges less what flows out: one smooth integral an edge, however thin
-//! the blade and even where T itself is infinite, and the sum over all texels is the total, exactly, because every
-//! inner edge counts once with each sign. No aliasing, no sampling of the peak.
+//! The radial flow j(r) = G(r)/(2πr), with G(r) = 2π ∫_r^∞ T s ds, has the divergence −T away from the source. So the
+//! light of a texel is the flow over its edges inwards less the flow outwards. That takes one smooth integral for each
+//! edge, however thin the blade is, and even where T itself is infinite. The sum over all texels is exactly the total,
+//! because every inner edge counts once with each sign. There is no aliasing, and the peak is never sampled.
 
 use super::levels::Curves;
 use mesophyll_optics::slab::quadrature::gauss;
 use rayon::prelude::*;
 
-/// Weights of one quadrant, (i, j) ≥ 0 texels away, row j: `weights[j * (reach + 1) + i]`; symmetric in i and j and
-/// under both reflections.
+/// Weights of one quadrant: `weights[j * (reach + 1) + i]` belongs to the texel i columns and j rows away, i, j ≥ 0.
+/// They are symmetric in i and j and under both reflections.
 #[derive(Debug, Clone)]
 pub(crate) struct Kernel {
-    /// Farthest texel on either side.
+    /// Largest number of texels to either side.
     pub reach: usize,
     pub weights: Vec<f64>,
 }
@@ -24,19 +24,19 @@ impl Kernel {
         if i > self.reach || j > self.reach { 0.0 } else { self.weights[j * (self.reach + 1) + i] }
     }
 
-    /// All light leaves where it entered.
+    /// The kernel of light that leaves where it entered.
     pub fn delta(reach: usize) -> Kernel {
         let mut delta = Kernel::none(reach);
         delta.weights[0] = 1.0;
         delta
     }
 
-    /// No light at all.
+    /// The kernel without any light.
     pub fn none(reach: usize) -> Kernel {
         Kernel { reach, weights: vec![0.0; (reach + 1) * (reach + 1)] }
     }
 
-    /// Σ weight × kernel, all of one reach.
+    /// Σ weight × kernel; all kernels have the same reach.
     pub fn combine(kernels: &[Kernel], weights: &[f64]) -> Kernel {
         let mut sum = Kernel { reach: kernels[0].reach, weights: vec![0.0; kernels[0].weights.len()] };
         for (kernel, w) in kernels.iter().zip(weights) {
@@ -52,9 +52,10 @@ impl Kernel {
         (0..n * n).rev().map(|k| self.weights[k] * other.weights[k] * times(k % n) * times(k / n)).sum()
     }
 
-    /// From the share `beyond` of the light that leaves farther than r (mm) away (1 at r = 0), on texels of `texel` mm.
-    /// `closed`: what lies beyond the reach is given to the outermost texels, so that the sum is 1; otherwise it is
-    /// left out. Further components are derivatives of the first (0 at r = 0) and become derivatives of the kernel.
+    /// Builds the kernel from `beyond`, the share of the light that leaves farther than r (mm) away (1 at r = 0), on
+    /// texels of `texel` mm. With `closed`, the light beyond the reach is given to the outermost texels, so that the
+    /// sum is 1; otherwise it is left out. Further components of `beyond` are derivatives of the first (0 at r = 0) and
+    /// become derivatives of the kernel.
     pub fn build<const M: usize>(
         beyond: impl Fn(f64) -> [f64; M] + Sync,
         texel: f64,
@@ -64,7 +65,7 @@ impl Kernel {
         let edges = edges(beyond, texel, reach, closed);
         let n = reach + 1;
         std::array::from_fn(|m| {
-            // Flow over the edges at a ± 1/2, b across.
+            // Flow over the edges at a ± 1/2 along one axis and at b along the other.
             let across = |a: usize, b: usize| {
                 if a == 0 { -2.0 * edges[b][m] } else { edges[(a - 1) * n + b][m] - edges[a * n + b][m] }
             };

@@ -1,15 +1,15 @@
 //! Thickness levels: a few thicknesses whose kernels are computed. The kernel of any other thickness is a weighted sum
 //! of theirs; the weights depend on the thickness of the texel that the light enters.
 //!
-//! Kernels are interpolated as *shapes* (sum 1); the transmitted total of each texel's own thickness multiplies the
-//! weights, so that the energy is exact with any number of levels and only the shape is approximated. Weights of every
-//! kind add up to 1.
+//! Kernels are interpolated as *shapes* (sum 1). Their weights are multiplied by the total transmittance of each
+//! texel's own thickness. So the energy is exact with any number of levels, and only the shape is approximated. Weights
+//! of every kind add up to 1.
 
 use super::kernel::Kernel;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// How many levels, and how the shape between them is found.
+/// How many levels there are, and how the shape between them is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Levels {
     /// How many levels, 1 or more.
@@ -37,7 +37,7 @@ pub enum LevelKind {
     Svd,
 }
 
-/// Thicknesses that kernels are built at, and the weights of a thickness between them.
+/// The thicknesses for which kernels are built, and the weights of a thickness between them.
 #[derive(Debug, Clone)]
 pub(crate) struct Nodes {
     /// mm, ascending.
@@ -55,11 +55,12 @@ enum Kind {
     Mixed(Vec<f64>),
 }
 
-/// Thicknesses that principal shapes are taken of.
+/// How many thicknesses the principal shapes are computed from.
 pub(crate) const SAMPLES: usize = 32;
 
 impl Nodes {
-    /// `count` ≥ 1 nodes over [thinnest, thickest] (mm, positive); for SVD the samples that [`Nodes::principal`] mixes.
+    /// `count` ≥ 1 nodes over [thinnest, thickest] (mm, positive). For SVD they are the samples that
+    /// [`Nodes::principal`] mixes.
     pub fn new(kind: LevelKind, count: usize, thinnest: f64, thickest: f64) -> Nodes {
         if !(thickest > thinnest * (1.0 + 1e-12)) || count < 2 {
             return Nodes { thickness: vec![(thinnest * thickest).sqrt()], kind: Kind::Exact };
@@ -87,8 +88,8 @@ impl Nodes {
         Nodes { thickness, kind: Kind::Exact }
     }
 
-    /// The mean shape and the `count` − 1 principal deviations of the shapes at the nodes; weights are those of the new
-    /// shapes from here on. Deviations sum to 0, so any number of them keeps the sum.
+    /// The mean shape, and the `count` − 1 principal deviations from it, of the shapes at the nodes. From here on the
+    /// weights are those of the new shapes. Deviations sum to 0, so the sum stays 1 with any number of them.
     pub(crate) fn principal(&mut self, shapes: &[Kernel], count: usize) -> Vec<Kernel> {
         let (n, count) = (shapes.len(), count.min(shapes.len()));
         let mean = Kernel::combine(shapes, &vec![1.0 / n as f64; n]);
@@ -181,8 +182,8 @@ impl Nodes {
     }
 }
 
-/// Smooth functions of x over ln x as Chebyshev series: the logarithm of the first, which is positive, and the others
-/// over the first.
+/// Smooth functions of x as Chebyshev series in ln x. The first function is positive and stored as its logarithm; the
+/// others are stored divided by the first.
 #[derive(Debug, Clone)]
 pub(crate) struct Curves<const M: usize> {
     low: f64,
@@ -191,8 +192,8 @@ pub(crate) struct Curves<const M: usize> {
 }
 
 impl<const M: usize> Curves<M> {
-    /// Relative error about 1e-12, of the others 1e-9. `None` where the first function is not positive or one not
-    /// finite somewhere in [low, high], or too rough for 512 terms.
+    /// The relative error is about 1e-12 for the first function and 1e-9 for the others. `None` where, in [low, high],
+    /// the first function is not positive, a function is not finite, or one is too rough for 512 terms.
     pub fn fit(f: impl Fn(f64) -> [f64; M] + Sync, low: f64, high: f64) -> Option<Curves<M>> {
         let (low, high) = (low.ln(), high.ln());
         for n in [32usize, 64, 128, 256, 512] {

@@ -23,12 +23,13 @@ pub enum Rule {
         /// Seed of the random numbers.
         seed: u64,
     },
-    /// Gauss–Legendre in z, equispaced azimuths, the first half a step from x. Exact for polynomials of degree below
-    /// 2·`levels` in z and below `azimuths` in azimuth; the horizon's steps it only samples.
+    /// Gauss–Legendre in z with equally spaced azimuths, the first of them half a step from x. The rule is exact for
+    /// polynomials of degree below 2·`levels` in z and below `azimuths` in azimuth. Steps at the horizon are only
+    /// sampled.
     Product {
         /// Nodes in z.
         levels: usize,
-        /// Azimuths at each.
+        /// Number of azimuths at each node in z.
         azimuths: usize,
     },
     /// Points on a spiral that turns by the golden angle, at equal steps of z.
@@ -139,8 +140,8 @@ fn product(levels: usize, azimuths: usize) -> Lights {
     }
 }
 
-/// The unit square is cut into about √N rows whose heights are in proportion to their numbers of cells: N nearly square
-/// cells of equal area, whatever N.
+/// The unit square is cut into about √N rows whose heights are proportional to their numbers of cells. This gives N
+/// nearly square cells of equal area for any N.
 fn stratified(count: usize, seed: u64) -> Lights {
     let mut rng = Pcg64::seed_from_u64(seed);
     let rows = ((count as f64).sqrt().round() as usize).max(1);
@@ -156,8 +157,8 @@ fn stratified(count: usize, seed: u64) -> Lights {
     Lights { weights: vec![TAU / count as f64; count], directions }
 }
 
-/// The unit square on the hemisphere, equal areas to equal solid angles: Shirley & Chiu's (1997) concentric map to the
-/// disk, radius r to height z = 1 − r².
+/// Maps the unit square to the hemisphere so that equal areas become equal solid angles: Shirley & Chiu's (1997)
+/// concentric map to the disk, then radius r to height z = 1 − r².
 pub fn hemisphere(u: f64, v: f64) -> [f64; 3] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     if a == 0.0 && b == 0.0 {
@@ -198,7 +199,7 @@ mod tests {
         assert_ne!(Lights::new(Rule::default()), Lights::new(Rule::Stratified { count: PAPER, seed: 2 }));
     }
 
-    /// Cells have equal solid angle: the map's Jacobian is 2π everywhere, found by differences.
+    /// Cells have equal solid angle: the map's Jacobian, computed by differences, is 2π everywhere.
     #[test]
     fn the_square_maps_to_equal_solid_angles() {
         let h = 1e-6;
@@ -215,7 +216,7 @@ mod tests {
         }
     }
 
-    /// Each of the cells holds one direction: sorted by the inverse map they fill all rows and columns.
+    /// Each cell holds one direction: sorted by the inverse map, the directions fill all rows and columns.
     #[test]
     fn strata_hold_one_direction_each() {
         // Over many seeds the mean of z over a set scatters far less than 128 independent draws would (.29/√128 =

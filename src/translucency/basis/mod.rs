@@ -1,14 +1,14 @@
 //! Functions of direction over the hemisphere, and the projection of samples onto them.
 //!
-//! The Half-Life 2 basis (McTaggart 2004; H9 Eq. 3.17) has three functions ℋ_i(ω) = √(3/2π) H_i·ω, orthonormal over the
-//! hemisphere although not clamped. They span the linear functions v·ω and nothing else: a texel's three coefficients
-//! say the same as the vector v = √(3/2π) Σ h_i H_i ([`vector`]), whose evaluation is one dot product. The coefficients
-//! stay the stored form, as the sources have it.
+//! The Half-Life 2 basis (McTaggart 2004; H9 Eq. 3.17) has three functions ℋ_i(ω) = √(3/2π) H_i·ω. They are orthonormal
+//! over the hemisphere although they are not clamped. They span exactly the linear functions v·ω. So a texel's three
+//! coefficients h_i carry the same information as the vector v = √(3/2π) Σ h_i H_i ([`vector`]), which is evaluated by
+//! one dot product. The coefficients are what is stored, as in the sources.
 //!
-//! **Projection.** Samples f(ω_m) with solid angles w_m are fitted by least squares: c = G⁻¹ Σ w_m φ(ω_m) f(ω_m) with
-//! the Gram matrix of the sample set, G = Σ w_m φ φᵀ. What lies in the span comes back exactly, whatever the samples.
-//! The paper's Eq. 3.21 puts the identity in G's place ([`Weights::Plain`]): on a flat leaf that alone costs some per
-//! cent with random directions.
+//! **Projection.** Samples f(ω_m) with solid angles w_m are fitted by least squares: c = G⁻¹ Σ w_m φ(ω_m) f(ω_m), where
+//! G = Σ w_m φ φᵀ is the Gram matrix of the sample set. A function in the span of the basis is reproduced exactly,
+//! whatever the samples. The paper's Eq. 3.21 takes the identity for G ([`Weights::Plain`]). With random directions
+//! that alone costs some per cent on a flat leaf.
 
 use super::lights::{Lights, Rule};
 use nalgebra::DMatrix;
@@ -30,9 +30,10 @@ pub const FLAT: f64 = 0.835_542_758_210_333_9;
 pub enum Basis {
     /// Three linear functions.
     HalfLife2,
-    /// The Half-Life 2 functions of a light whose part along the blade is first multiplied by (2z/(1+z))^¼ ([`bent`]):
-    /// the same three coefficients, the same ones for a flat leaf, and a difference between the light's sides that ends
-    /// at the horizon, as relief's does. With `count` 6 also z² and the two of second order in azimuth.
+    /// The Half-Life 2 functions of a light whose part along the blade is first multiplied by (2z/(1+z))^¼ ([`bent`]).
+    /// A flat leaf has the same three coefficients as before. But the difference between a light from one side and from
+    /// the other goes to zero at the horizon, as with relief. With `count` 6 there are also z² and the two functions of
+    /// second order in azimuth.
     Bent {
         /// 3 or 6 functions.
         count: usize,
@@ -54,8 +55,8 @@ pub enum Basis {
         /// How many bands, at most 6.
         bands: usize,
     },
-    /// z times polynomials of x and y of degree below `degree` (at most 3: 1, 3 or 6 functions): all vanish at the
-    /// horizon, as light on a flat leaf does.
+    /// z times polynomials of x and y of degree below `degree` (at most 3: 1, 3 or 6 functions). All of them are zero
+    /// at the horizon, like the light on a flat leaf.
     Cosine {
         /// The polynomials' degree plus one, at most 3.
         degree: usize,
@@ -87,7 +88,7 @@ pub enum BasisKind {
 }
 
 impl BasisKind {
-    /// Of 3 functions, or 6, or 9 of both kinds of harmonics.
+    /// A basis of 3 functions, or of 6, or of 9 for both kinds of harmonics.
     pub fn basis(self) -> Basis {
         match self {
             BasisKind::HalfLife2 => Basis::HalfLife2,
@@ -137,7 +138,7 @@ impl Basis {
         }
     }
 
-    /// What it is called in tables.
+    /// The name of the basis in tables.
     pub fn name(self) -> String {
         match self {
             Basis::HalfLife2 => "half-life 2".into(),
@@ -169,16 +170,16 @@ impl Basis {
         (basis.name() == name).then_some(basis)
     }
 
-    /// Bytes a texel as half floats, as textures keep them.
+    /// Bytes for each texel as half floats, the form in which textures keep them.
     pub fn bytes(self) -> usize {
         2 * self.count()
     }
 
-    /// Multiply-adds of a reconstruction from a direction, functions and all, and square roots: what a shader spends a
-    /// texel.
+    /// Multiply-adds and square roots of a reconstruction from a direction, the functions included: a shader's work for
+    /// each texel.
     pub fn operations(self) -> [usize; 2] {
         match self {
-            // As stored: three dot products, weighted. As a vector ([`vector`]) it is 3.
+            // For coefficients as they are stored: three dot products, weighted. As a vector ([`vector`]) it takes 3.
             Basis::HalfLife2 => [12, 0],
             Basis::Bent { .. } => {
                 if self.count() > 3 {
@@ -188,7 +189,7 @@ impl Basis {
                 }
             }
             Basis::HBasis { count } => [count.min(6) + if count > 4 { 4 } else { 1 }, 0],
-            // Each function of higher order is one product more of those before.
+            // Each function of higher order takes one more product than those before.
             Basis::Spherical { .. } => [2 * self.count(), 0],
             Basis::Hemispherical { .. } => [2 * self.count() + 2, usize::from(self.count() > 1)],
             Basis::Cosine { .. } => [2 * self.count(), 0],
@@ -228,15 +229,15 @@ impl Basis {
         }
     }
 
-    /// Where the three linear functions are looked up: the light's direction, or the bent one. With [`vector`] it
-    /// reconstructs by one dot product.
+    /// The direction at which the three linear functions are evaluated: the light's, or the bent one. With [`vector`]
+    /// it reconstructs by one dot product.
     pub fn argument(self, direction: [f64; 3]) -> [f64; 3] {
         if let Basis::Bent { .. } = self { bent(direction) } else { direction }
     }
 
     /// ∫ φ_i dω over the hemisphere, of each function.
     pub fn integrals(self) -> Vec<f64> {
-        // Exact: after the integral over azimuth all that is left are polynomials of low degree in z.
+        // The rule is exact: after the integral over azimuth only polynomials of low degree in z are left.
         let rule = Lights::new(Rule::Product { levels: 16, azimuths: 16 });
         let over = |i: usize| rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * self.value(i, *d)).sum();
         (0..self.count()).map(over).collect()
@@ -244,8 +245,8 @@ impl Basis {
 }
 
 /// A direction whose part along the blade is multiplied by (2z/(1+z))^¼, which is 1 straight above and 0 at the
-/// horizon; not unit. For [`Basis::Bent`]: the Half-Life 2 functions are evaluated there. The exponent is the best
-/// simple one on grown leaves of two species, with 0 (no bending) and ½ behind it.
+/// horizon. The result is not a unit vector. [`Basis::Bent`] evaluates the Half-Life 2 functions there. Of the simple
+/// exponents, ¼ was the best one on grown leaves of two species; 0 (no bending) and ½ were worse.
 pub fn bent(direction: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = direction;
     let share = (2.0 * z / (1.0 + z)).max(0.0).sqrt().sqrt();
@@ -274,25 +275,25 @@ fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
     ((2 * l + 1) as f64 / TAU * ratio).sqrt() * p * turn
 }
 
-/// The vector v whose v·ω the Half-Life 2 coefficients reconstruct; bent ones are reconstructed by its product with
-/// [`Basis::argument`].
+/// The vector v for which v·ω is the reconstruction by Half-Life 2 coefficients. For bent coefficients, the
+/// reconstruction is its product with [`Basis::argument`].
 pub fn vector(coefficients: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|c| (3.0 / TAU).sqrt() * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][c]).sum::<f64>())
 }
 
-/// What turns samples over a set of lights into coefficients: coefficient i = Σ_m `matrix[i][m]` f(ω_m).
+/// The matrix that turns samples over a set of lights into coefficients: coefficient i = Σ_m `matrix[i][m]` f(ω_m).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Projector {
     /// Directions ω_m of the lights.
     pub directions: Vec<[f64; 3]>,
-    /// A row a coefficient, a column a direction.
+    /// One row for each coefficient, one column for each direction.
     pub matrix: Vec<Vec<f64>>,
 }
 
 impl Projector {
     /// # Errors
-    /// A sentence when the lights do not determine the coefficients (fewer than functions, or badly placed), or plain
-    /// sums are wanted of a basis that is not orthonormal.
+    /// A sentence where the lights do not determine the coefficients (fewer lights than functions, or badly placed
+    /// ones), or where plain sums are asked for a basis that is not orthonormal.
     pub fn new(basis: Basis, lights: &Lights, weights: Weights) -> Result<Projector, String> {
         let (n, count) = (lights.len(), basis.count());
         let values = DMatrix::from_fn(count, n, |i, m| basis.value(i, lights.directions[m]));
@@ -307,7 +308,7 @@ impl Projector {
             let poor = || format!("{n} light directions do not determine the {count} functions of {}", basis.name());
             let scale = gram.diagonal().max();
             let factor = gram.cholesky().ok_or_else(poor)?;
-            // A pivot lost in rounding: the functions are dependent on these directions.
+            // A pivot is lost in rounding: on these directions the functions are dependent.
             if !(factor.l_dirty().diagonal().min().powi(2) > 1e-12 * scale) {
                 return Err(poor());
             }
@@ -319,7 +320,7 @@ impl Projector {
         })
     }
 
-    /// One image, ∫ f dω: what a light from everywhere brings.
+    /// A projector to one image, ∫ f dω: the transmitted light under a uniform sky.
     pub fn total(lights: &Lights) -> Projector {
         Projector { directions: lights.directions.clone(), matrix: vec![lights.weights.clone()] }
     }

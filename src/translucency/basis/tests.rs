@@ -72,8 +72,8 @@ fn a_flat_leaf_has_the_papers_coefficients() {
     assert!((total - PI).abs() < 1e-13, "{total}");
 }
 
-/// With the Gram matrix of the samples what lies in the span comes back exactly; the plain sum misses it by per
-/// cents.
+/// With the Gram matrix of the samples, a function in the span is reproduced exactly. The plain sum misses it by some
+/// per cent.
 #[test]
 fn the_gram_matrix_undoes_the_samples_chance() {
     let mut plain_error = 0.0;
@@ -89,7 +89,7 @@ fn the_gram_matrix_undoes_the_samples_chance() {
         let square = |d: &[f64; 3]| (reconstruct(Basis::HalfLife2, &h, *d) - d[2]).powi(2);
         plain_error += rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * square(d)).sum::<f64>() / 20.0;
     }
-    // RMS over the hemisphere against f's own (√(1/3)): far above rounding, of the order of 1/√128.
+    // RMS error over the hemisphere relative to f's own RMS (√(1/3)). It is far above rounding, of the order of 1/√128.
     let relative = (plain_error / TAU * 3.0).sqrt();
     assert!((1e-3..0.1).contains(&relative), "{relative}");
     for basis in all() {
@@ -109,7 +109,7 @@ fn too_few_lights_are_a_sentence() {
             .unwrap_err()
             .contains("5 light directions")
     );
-    // Two rings of one height: constant and z cannot be told apart.
+    // Two rings of one height: the constant and z cannot be told apart.
     let ring = Lights::new(Rule::Product { levels: 1, azimuths: 8 });
     assert!(Projector::new(Basis::HBasis { count: 4 }, &ring, Weights::Gram).is_err());
     assert!(Projector::new(Basis::Spherical { bands: 2 }, &ring, Weights::Plain).unwrap_err().contains("orthonormal"));

@@ -1,16 +1,17 @@
-//! Horizon maps (Max 1988; H9 §3.3.9): how high the surrounding relief stands around every texel, in 16 slices of
-//! azimuth.
+//! Horizon maps (Max 1988; H9 §3.3.9): the height of the horizon that the surrounding relief forms around every texel,
+//! in 16 slices of azimuth.
 //!
-//! A slice holds the mean sine of the horizon's elevation over its azimuths (the sine, because 1 − sin is the solid
-//! angle that stays open, so the mean keeps the slice's share of the sky); between the slices' centres it is
-//! interpolated linearly. Slice k is centred on azimuth 2πk/16 from x towards y. Never below 0, the tangent plane: what
-//! tilts away from the light is the normal's business. Outside the leaf is nothing, so its edge casts no horizon.
-//! Heights count in units of the texel's physical size; the reach is unlimited.
+//! A slice holds the mean sine of the horizon's elevation over its azimuths. The sine is used because 1 − sin is the
+//! solid angle that stays open, so the mean keeps the slice's share of the sky. Between the centres of the slices the
+//! value is interpolated linearly. Slice k is centred on azimuth 2πk/16 from x towards y. The value is never below 0,
+//! the tangent plane: where the surface tilts away from the light, the cosine of its normal accounts for that. There is
+//! nothing outside the leaf, so its edge casts no horizon. Heights are in units of the texel's physical size; the reach
+//! is unlimited.
 //!
-//! **Method.** Along each of the azimuths sampled in a slice the heights are read on parallel lines one texel apart
-//! (linear between rows, or between columns for steep lines), and each line is swept once with the upper convex hull of
-//! what was passed (Timonen & Westerholm 2010): every texel costs the same whatever the reach. Profiles between samples
-//! are straight.
+//! **Method.** Along each azimuth that is sampled in a slice, the heights are read on parallel lines one texel apart
+//! (linear between rows, or between columns for steep lines). Each line is swept once with the upper convex hull of the
+//! samples passed so far (Timonen & Westerholm 2010). So every texel takes the same time, whatever the reach. Profiles
+//! between samples are straight.
 
 use super::blade::LitSide;
 use rayon::prelude::*;
@@ -19,7 +20,7 @@ use std::f64::consts::TAU;
 /// Slices of azimuth (H9 §3.3.9).
 pub const SLICES: usize = 16;
 
-/// Azimuths sampled in a slice by default, evenly about its centre.
+/// Number of azimuths that are sampled in a slice by default, evenly about its centre.
 pub(crate) const LINES: usize = 2;
 
 /// Mean sines of the horizon's elevation, [`SLICES`] maps of `width · height`, slice after slice; 0 off the leaf.
@@ -37,12 +38,12 @@ pub struct Horizon {
 pub struct Between {
     /// The slices on either side of the azimuth.
     pub slices: [usize; 2],
-    /// Weight of the second.
+    /// Weight of the second slice.
     pub fraction: f64,
 }
 
 impl Between {
-    /// Slices beside the azimuth of a direction. Straight above, where it has none, any will do.
+    /// The slices beside the azimuth of a direction. Straight above there is no azimuth, and any slices will do.
     pub fn of(direction: [f64; 3]) -> Between {
         let place = (direction[1].atan2(direction[0]) / TAU).rem_euclid(1.0) * SLICES as f64;
         let low = place.floor();
@@ -61,7 +62,7 @@ impl Horizon {
         Horizon::sampled(lit, LINES)
     }
 
-    /// The same with another number of azimuths a slice (at least 1; 1 is the slice's centre alone).
+    /// The same with another number of azimuths in a slice (at least 1; 1 is only the slice's centre).
     pub fn sampled(lit: &LitSide, lines: usize) -> Horizon {
         let (width, height, lines) = (lit.width, lit.height, lines.max(1));
         let mut out = Horizon::level(width, height);
@@ -105,7 +106,8 @@ impl Horizon {
     }
 }
 
-/// Sines of the horizon's elevation in one azimuth from x towards y (rad), a texel each: what the slices stand for.
+/// Sines of the horizon's elevation in one azimuth from x towards y (rad), one for each texel: the values that the
+/// slices approximate.
 pub fn towards(lit: &LitSide, azimuth: f64) -> Vec<f32> {
     if lit.width * lit.height == 0 {
         return Vec::new();
@@ -115,8 +117,8 @@ pub fn towards(lit: &LitSide, azimuth: f64) -> Vec<f32> {
     found.to_vec()
 }
 
-/// Heights in texels (so that slopes come out right; NaN is nothing), upright and transposed, and the buffers of sweeps
-/// over them.
+/// Heights in units of texels, so that slopes are right (NaN where there is no leaf), stored upright and transposed,
+/// and the buffers of the sweeps over them.
 struct Relief {
     width: usize,
     height: usize,
@@ -164,12 +166,12 @@ impl Relief {
             transpose(&self.behind, w, h, &mut self.turned[1]);
         }
         let [ahead, behind] = if steep { [&self.turned[0], &self.turned[1]] } else { [&self.ahead, &self.behind] };
-        // `ahead` looks towards growing columns of the map swept.
+        // `ahead` looks towards larger columns of the map that is swept.
         if along > 0.0 { [ahead, behind] } else { [behind, ahead] }
     }
 }
 
-/// Buffers of one direction's sweep.
+/// The buffers of a sweep in one direction.
 #[derive(Default)]
 struct Sweep {
     ahead: Vec<f32>,
@@ -180,11 +182,12 @@ struct Sweep {
 const NOTHING: f32 = -1.0;
 
 impl Sweep {
-    /// Sines of the horizons of a map's texels (NaN: nothing there) along lines that fall by `slope` rows a column,
-    /// |slope| ≤ 1: towards growing columns and towards falling ones; 0 where there is nothing.
+    /// Sines of the horizons of a map's texels (NaN where there is no leaf) along lines that fall by `slope` rows a
+    /// column, |slope| ≤ 1. `ahead` looks towards larger columns, `behind` towards smaller ones; both are 0 where there
+    /// is no leaf.
     fn run(&mut self, map: &[f32], w: usize, h: usize, slope: f64, ahead: &mut [f32], behind: &mut [f32]) {
-        // Line ℓ is at row ℓ + slope·(column − middle), so that a mirrored map is read alike; the first and the last
-        // that come within a row of the map.
+        // Line ℓ is at row ℓ + slope·(column − middle), so that a mirrored map is sampled in the same way. Lines run
+        // from the first to the last that comes within a row of the map.
         let middle = 0.5 * (w - 1) as f64;
         let drift = (slope * middle).abs();
         let first = (-drift).floor() as i64 - 1;
@@ -203,7 +206,7 @@ impl Sweep {
                 line.horizons(stride, forth, back);
             },
         );
-        // Back to the texels: each lies between two lines.
+        // Back to the texels, each of which lies between two lines.
         ahead.par_chunks_mut(w).zip(behind.par_chunks_mut(w)).enumerate().for_each(|(row, (ahead, behind))| {
             for c in 0..w {
                 let place = row as f64 - slope * (c as f64 - middle) - first as f64;
@@ -218,7 +221,7 @@ impl Sweep {
     }
 }
 
-/// Between two lines' values; where one line found no leaf, the other's.
+/// A value between those of two lines. Where one line found no leaf, the other's value is taken.
 fn blend(a: f32, b: f32, f: f32) -> f32 {
     match (a >= 0.0, b >= 0.0) {
         (true, true) => a + f * (b - a),
@@ -264,8 +267,8 @@ impl Line {
         }
     }
 
-    /// Tangents of the horizon towards growing columns and towards falling ones, at the samples' columns. `stride`:
-    /// texels from one column to the next.
+    /// Tangents of the horizon towards larger columns and towards smaller ones, at the samples' columns. `stride`: the
+    /// distance in texels from one column to the next.
     fn horizons(&mut self, stride: f32, forth: &mut [f32], back: &mut [f32]) {
         self.hull.clear();
         for &p in self.samples.iter().rev() {
@@ -278,12 +281,12 @@ impl Line {
     }
 }
 
-/// Slope from p to the highest-standing of the samples passed (0 at least), which all have larger first coordinates; p
-/// joins their upper hull, nearest last.
+/// Slope from p to the sample that stands highest of those passed (at least 0). The samples passed all have larger
+/// first coordinates. p joins their upper hull, in which the nearest sample comes last.
 #[inline]
 fn rise(hull: &mut Vec<(f32, f32)>, p: (f32, f32)) -> f32 {
     while let [.., b, a] = hull[..] {
-        // The nearer one stays only where it stands higher than the one behind it.
+        // The nearer sample stays only where it stands higher than the one behind it.
         if (a.1 - p.1) * (b.0 - p.0) <= (b.1 - p.1) * (a.0 - p.0) {
             hull.pop();
         } else {

@@ -40,7 +40,7 @@ fn walked(lit: &LitSide, texel: usize, azimuth: f64) -> f64 {
 
 #[test]
 fn the_hull_finds_the_highest_sample() {
-    // Against all pairs, with equal heights and gaps.
+    // Compares with all pairs of samples, including equal heights and gaps.
     let heights = [0.0, 3.0, 1.0, 1.0, 5.0, -2.0, 0.5, 0.5, 0.5, 4.0, 2.0f32];
     let samples: Vec<(f32, f32)> =
         heights.iter().enumerate().filter(|(k, _)| *k != 2 && *k != 7).map(|(k, z)| (k as f32, *z)).collect();
@@ -56,7 +56,7 @@ fn the_hull_finds_the_highest_sample() {
     }
 }
 
-/// A wall along y: closed form in every slice, and nothing from beyond the edge.
+/// A wall along y has a closed form in every slice, and nothing comes from beyond the edge.
 #[test]
 fn a_wall_stands_where_it_should() {
     let (texel, wall, high) = (0.25, 20.0 * 0.25, 2.0);
@@ -70,20 +70,20 @@ fn a_wall_stands_where_it_should() {
             // The wall's top edge is one texel wide: between columns 19 and 20.
             let away = (wall - texel * c as f64) / azimuth.cos();
             let want = if azimuth.cos() > 0.3 { high / high.hypot(away) } else { 0.0 };
-            // Steep lines meet the edge between two columns, on its one texel of ramp.
+            // Steep lines meet the edge between two columns, on its ramp of one texel.
             let bound = if azimuth.cos() < 0.5 { 0.03 } else { 2e-6 };
             assert!((found - want).abs() < bound, "column {c}, slice {k}: {found}, expected {want}");
         }
     }
-    // On the wall itself and beyond it nothing rises.
+    // On the wall itself and beyond it nothing is higher.
     assert!((0..SLICES).all(|k| horizon.slice(k)[row * 40 + 30] == 0.0));
-    // From the back's camera the front's relief does not exist.
+    // The back's camera does not see the relief of the front.
     let back = Horizon::new(&blade.lit(Side::Back));
     assert!((0..SLICES).all(|k| back.slice(k).iter().all(|s| *s == 0.0)));
 }
 
-/// Rows run downwards and y up: a ridge above a texel in the image is seen in slice 4 (+y), and slices turn from x to
-/// y.
+/// Rows run downwards and y upwards. A ridge above a texel in the image is seen in slice 4 (+y), and slices turn from x
+/// to y.
 #[test]
 fn slices_turn_from_x_to_y() {
     let blade = relief(21, 31, 1.0, |_, _| true, |_, y| if y == -5.0 { 3.0 } else { 0.0 });
@@ -94,12 +94,12 @@ fn slices_turn_from_x_to_y() {
     assert!((8..16).all(|k| at(k) == 0.0));
 }
 
-/// Root mean square and worst difference from rays walked in the slices' azimuths.
+/// Root mean square and largest difference from rays that are walked in the azimuths of the slices.
 fn against_rays(blade: &Blade) -> (f64, f64) {
     let lit = blade.lit(Side::Front);
     let horizon = Horizon::sampled(&lit, 1);
     let (mut sum, mut worst, mut count) = (0.0, 0.0f64, 0.0f64);
-    // A texel of the edge reaches half a texel out and sees along the edge; rays from its centre do not.
+    // A texel of the edge extends half a texel outwards and sees along the edge; rays from its centre do not.
     let deep = |k: usize| {
         let (i, j) = (k % lit.width, k / lit.width);
         i > 1
@@ -119,7 +119,7 @@ fn against_rays(blade: &Blade) -> (f64, f64) {
     ((sum / count).sqrt(), worst)
 }
 
-/// Smooth relief: slices against rays walked in the same azimuths, and twice as close on texels half as large.
+/// Smooth relief: slices agree with rays walked in the same azimuths, twice as closely on texels half as large.
 #[test]
 fn horizons_agree_with_walked_rays() {
     let z =
@@ -127,13 +127,14 @@ fn horizons_agree_with_walked_rays() {
     let (coarse, _) = against_rays(&relief(63, 59, 0.1, |_, _| true, z));
     let (fine, worst) = against_rays(&relief(125, 117, 0.05, |_, _| true, z));
     assert!(fine < 0.6 * coarse && fine < 5e-3 && worst < 0.1, "{coarse} {fine} {worst}");
-    // On a round leaf with a hole the edges' texels see a little more or less of each other; the rest agrees as before.
+    // On a round leaf with a hole, texels of the edges see a little more or less of each other. Elsewhere the agreement
+    // is as before.
     let round = |x: f64, y: f64| (x - 3.1).hypot(y + 2.9) < 2.8 && (x - 2.0).hypot(y + 2.0) > 0.5;
     let (rms, _) = against_rays(&relief(125, 117, 0.05, round, z));
     assert!(rms < 0.02, "{rms}");
 }
 
-/// Off the leaf there is nothing: a tall texel outside the mask is not seen, and its own horizon is 0.
+/// There is nothing off the leaf: a tall texel outside the mask is not seen, and its own horizon is 0.
 #[test]
 fn only_the_leaf_stands() {
     let blade = relief(15, 15, 1.0, |x, _| x < 9.0, |x, _| if x > 9.0 { 50.0 } else { 0.0 });

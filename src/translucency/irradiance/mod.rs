@@ -1,8 +1,9 @@
-//! What enters a lit side: E(x, ω) = entry(x) · V(x, ω) · max(0, n(x)·ω), in units of the light's irradiance at normal
-//! incidence (H9 Eq. 3.13, whose cosine wants the clamp), and its projection onto functions of direction.
+//! The light that enters a lit side: E(x, ω) = entry(x) · V(x, ω) · max(0, n(x)·ω), in units of the light's irradiance
+//! at normal incidence, and its projection onto functions of direction. entry is the share of light that enters, V the
+//! visibility and n the normal at texel x (H9 Eq. 3.13, which lacks the max).
 //!
-//! The projection and the convolution that follows are both linear. So the images of the coefficients are summed here,
-//! light by light, and each is convolved once; no image of a single light is ever stored. Values off the leaf are 0.
+//! The projection and the convolution after it are both linear. So the images of the coefficients are summed here,
+//! light by light, and each is convolved once. No image of a single light is ever stored. Values off the leaf are 0.
 
 use super::basis::Projector;
 use super::blade::LitSide;
@@ -12,11 +13,11 @@ use rayon::prelude::*;
 /// How the light's elevation is compared with the horizon's.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Visibility {
-    /// Above or below (H9 §3.3.9).
+    /// The light is either above or below the horizon (H9 §3.3.9).
     #[default]
     Hard,
-    /// A linear ramp about the horizon, `width` wide in the sine of elevation: the share of an extended light (the sun:
-    /// .0093) or of a light's cell that is above it.
+    /// A linear ramp about the horizon, `width` wide in the sine of elevation. It is the share of an extended light
+    /// (the sun: .0093), or of a light's cell, that is above the horizon.
     Soft {
         /// Width of the ramp, in the sine of elevation.
         width: f64,
@@ -25,7 +26,7 @@ pub enum Visibility {
     Off,
 }
 
-/// One light's slices and ramp; the same arithmetic for one direction, a direction a texel, and projections.
+/// One light's slices and ramp. The same arithmetic serves one direction, one direction a texel, and projections.
 #[derive(Clone, Copy)]
 struct Light {
     direction: [f64; 3],
@@ -43,7 +44,7 @@ impl Light {
         Light { direction, between: Between::of(direction), visibility }
     }
 
-    /// V·max(0, n·ω) with the horizon's sines of the slices beside.
+    /// V·max(0, n·ω), with the sines of the horizon in the two slices beside the light.
     #[inline(always)]
     fn falls(&self, normal: [f64; 3], low: f64, high: f64) -> f64 {
         let w = self.direction;
@@ -63,8 +64,8 @@ impl Light {
     }
 }
 
-/// E for a direction per texel: `direction(texel)` is the light in that texel's frame of the lit side (curved blades),
-/// z > 0 where it comes from above. From below nothing enters.
+/// E with one direction for each texel: `direction(texel)` is the direction to the light in that texel's frame of the
+/// lit side (for curved blades). Light from above has z > 0; light from below does not enter.
 pub fn irradiance_with(
     lit: &LitSide,
     horizon: &Horizon,
@@ -101,7 +102,7 @@ pub fn project(lit: &LitSide, horizon: &Horizon, projector: &Projector, visibili
         for (m, light) in lights.iter().enumerate().filter(|(_, l)| l.direction[2] > 0.0) {
             let [low, high] = light.between.slices.map(|s| &sines[s * w..(s + 1) * w]);
             let [nx, ny, nz] = &normal;
-            // One loop a kind of visibility, each without branches.
+            // There is one loop for each kind of visibility, without branches inside.
             let mut each = |f: &dyn Fn([f64; 3], f64, f64) -> f64| {
                 for x in 0..w {
                     falls[x] = f([nx[x], ny[x], nz[x]], low[x], high[x]);
@@ -116,7 +117,7 @@ pub fn project(lit: &LitSide, horizon: &Horizon, projector: &Projector, visibili
     })
 }
 
-/// One row's maps, each contiguous.
+/// The maps of one row, each contiguous.
 struct Scratch {
     normal: [Vec<f64>; 3],
     sines: Vec<f64>,
@@ -146,7 +147,7 @@ impl Scratch {
     }
 }
 
-/// Images of what `fill` sums for each row (image after image in its buffer), times entry, 0 off the leaf.
+/// The images that `fill` sums for each row (one image after another in its buffer), times entry; 0 off the leaf.
 fn rows(lit: &LitSide, count: usize, fill: impl Fn(usize, &mut Scratch, &mut [f64]) + Sync) -> Vec<Vec<f64>> {
     let (w, h) = (lit.width, lit.height);
     if w * h == 0 || count == 0 {

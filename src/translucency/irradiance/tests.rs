@@ -37,8 +37,8 @@ fn a_flat_leaf_takes_the_cosine() {
     }
 }
 
-/// A tilted plane shadows itself exactly where its normal turns away: V must not cut what n·ω leaves, nor n·ω be
-/// unclamped.
+/// A tilted plane shadows itself exactly where its normal turns away. V must not cut off any light that n·ω allows, and
+/// n·ω must be clamped.
 #[test]
 fn a_tilted_plane_shadows_itself_by_its_normal() {
     let (w, h) = (24, 20);
@@ -49,7 +49,8 @@ fn a_tilted_plane_shadows_itself_by_its_normal() {
     let horizon = Horizon::new(&lit);
     let normal = [-0.5 / 1.25f64.sqrt(), 0.0, 1.0 / 1.25f64.sqrt()];
     let middle = 10 * w + 10;
-    // From the rising side the plane's own slope (.5, an elevation of .4636) is the horizon; from the other nothing is.
+    // From the rising side the plane's own slope (.5, an elevation of .4636) is the horizon. On the other side there is
+    // none.
     for (elevation, azimuth) in
         [(0.5f64, 0.0f64), (0.3, 0.0), (0.3, std::f64::consts::PI), (0.05, std::f64::consts::PI), (1.2, 2.0)]
     {
@@ -83,7 +84,7 @@ fn a_mirrored_blade_is_lit_the_mirrored_way() {
     }
 }
 
-/// Projection first, convolution after: equal to convolving the image of every light and projecting the results.
+/// Projection before convolution gives the same as convolving the image of every light and projecting the results.
 #[test]
 fn projection_and_convolution_commute() {
     let (w, h) = (23, 19);
@@ -122,7 +123,7 @@ fn projection_and_convolution_commute() {
     }
 }
 
-/// A direction a texel: a blade bent by a known turn takes what the light turned back gives.
+/// One direction for each texel: a blade that is bent by a known turn shows what the light turned back shows.
 #[test]
 fn a_curved_blade_takes_each_texels_own_light() {
     let blade = ridged(20, 16);
@@ -135,7 +136,7 @@ fn a_curved_blade_takes_each_texels_own_light() {
     }
 }
 
-/// The total is what the lights bring together.
+/// The total is the sum of what all lights give.
 #[test]
 fn the_total_is_the_sum_over_lights() {
     let blade = ridged(20, 16);

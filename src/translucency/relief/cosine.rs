@@ -1,6 +1,6 @@
-//! Poisson's equation on a rectangle with insulated sides (Neumann), by cosine transforms: the five-point Laplacian's
-//! eigenvectors are the DCT-II's. Transforms go through complex FFTs of the same length (Makhoul 1980), two real lines
-//! at a time; any size.
+//! Poisson's equation on a rectangle with insulated sides (Neumann), solved by cosine transforms: the eigenvectors of
+//! the five-point Laplacian are those of the DCT-II. Transforms use complex FFTs of the same length (Makhoul 1980),
+//! with two real lines in each. Any size is allowed.
 
 use mesophyll_fourier::{self as fourier, Complex, Transform};
 use rayon::prelude::*;
@@ -20,8 +20,8 @@ impl Poisson {
         Poisson { width, height, rows: Cosine::new(width), columns: Cosine::new(height) }
     }
 
-    /// z with Σ over neighbours (z_k − z_n) = r_k, row-major; the mean of r, which has no such z, counts as the slowest
-    /// wave does.
+    /// The z with Σ over neighbours (z_k − z_n) = r_k, row-major. No z gives the mean of r; it is treated like the
+    /// slowest wave.
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
         let (w, h) = (self.width, self.height);
         let mut rows = r.to_vec();
@@ -94,7 +94,8 @@ impl Cosine {
         });
     }
 
-    /// Works on two lines at a time, the second as the imaginary part: what is done is linear over the complex numbers.
+    /// Works on two lines at a time, with the second as the imaginary part. This is possible because the work is linear
+    /// over the complex numbers.
     fn pairs(&self, lines: &mut [f64], work: impl Fn(&mut [Complex<f64>], &mut [Complex<f64>]) + Sync) {
         let n = self.n;
         let start = || (vec![Complex::new(0.0, 0.0); n], vec![Complex::new(0.0, 0.0); n]);

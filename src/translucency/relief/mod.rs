@@ -3,31 +3,31 @@
 //! Heights in mm over one plane, outward; normals are unit vectors in the image frame: x right, y up (towards row 0), z
 //! outward.
 //!
-//! **Integration.** Heights whose differences between neighbouring texels of the leaf agree best, in the least-squares
-//! sense, with the mean slopes of the two (Frankot & Chellappa 1988 without their periodic border): Poisson's equation
-//! on the leaf with free edges. On a rectangle cosine transforms solve it at once ([`cosine`]). On an outline that
-//! solution is the preconditioner of conjugate gradients, whose number of steps then depends on the outline's shape and
-//! not on the resolution. Filling the outside with zero slope and transforming once is not enough: the edges bend the
-//! whole leaf.
+//! **Integration.** The heights are found whose differences between neighbouring texels of the leaf agree best, in the
+//! least-squares sense, with the mean slopes of the two texels (Frankot & Chellappa 1988 without their periodic
+//! border). This is Poisson's equation on the leaf with free edges. On a rectangle, cosine transforms solve it directly
+//! ([`cosine`]). On any other outline that solution is the preconditioner of conjugate gradients, whose number of steps
+//! then depends on the shape of the outline and not on the resolution. It would not be enough to fill the outside with
+//! zero slope and transform once: the edges would bend the whole leaf.
 
 pub mod cosine;
 
 use cosine::Poisson;
 
-/// What integration found.
+/// The result of an integration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relief {
     /// Heights (mm); mean 0 over each piece of the leaf, 0 off it.
     pub height: Vec<f64>,
     /// Root mean square of the slope that no height explains: noise, and steps finer than a texel.
     pub residual: f64,
-    /// Pieces of the leaf that do not touch; their heights relative to each other are undetermined.
+    /// Number of pieces of the leaf that do not touch; their heights relative to each other are undetermined.
     pub pieces: usize,
     /// Conjugate-gradient steps taken.
     pub steps: usize,
 }
 
-/// Steps after which integration ends in any case.
+/// Integration ends after this many steps in any case.
 const MOST: usize = 400;
 
 /// Heights from unit normals (z > 0 on the leaf) inside a mask of `width · height` texels of `texel_mm`.
@@ -36,7 +36,7 @@ pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize
     let edges = Edges { mask, width, height };
     let slope: Vec<[f64; 2]> =
         normal.iter().zip(mask).map(|(v, on)| if *on { [-v[0] / v[2], -v[1] / v[2]] } else { [0.0; 2] }).collect();
-    // Rise from a texel to its right and lower neighbour.
+    // The rise from a texel to its right neighbour, and to its lower neighbour.
     let right = |k: usize| 0.5 * texel_mm * (slope[k][0] + slope[k + 1][0]);
     let down = |k: usize| -0.5 * texel_mm * (slope[k][1] + slope[k + width][1]);
     let mut r = vec![0.0; n];
@@ -81,12 +81,12 @@ pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize
     Relief { height: z, residual: (rest / count.max(1) as f64).sqrt() / texel_mm, pieces, steps }
 }
 
-/// Heights (mm) from unit normals: [`integrate`] without its account.
+/// Heights (mm) from unit normals: the heights of [`integrate`] without its other results.
 pub fn heights(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> Vec<f64> {
     integrate(normal, mask, width, height, texel_mm).height
 }
 
-/// Neighbours on the leaf.
+/// Pairs of neighbouring texels on the leaf.
 struct Edges<'a> {
     mask: &'a [bool],
     width: usize,
@@ -122,7 +122,7 @@ impl Edges<'_> {
         out
     }
 
-    /// Takes the mean off each connected piece; returns the number of pieces.
+    /// Subtracts the mean of each connected piece and returns the number of pieces.
     fn centre(&self, z: &mut [f64]) -> usize {
         let mut seen = vec![false; z.len()];
         let (mut pieces, mut piece) = (0, Vec::new());
@@ -159,8 +159,8 @@ impl Edges<'_> {
     }
 }
 
-/// Unit normals of a height map inside a mask: central differences, one-sided at the leaf's edge, straight up off the
-/// leaf and where a texel has no neighbour.
+/// Unit normals of a height map inside a mask: from central differences, from one-sided differences at the leaf's edge,
+/// and straight up off the leaf and where a texel has no neighbour.
 pub fn normals(z: &[f64], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> Vec<[f64; 3]> {
     let slope = |k: usize, before: Option<usize>, after: Option<usize>| {
         let on = |k: Option<usize>| k.filter(|&k| mask[k]);
@@ -211,7 +211,7 @@ mod tests {
         [0.02 * y + 0.21 * (0.35 * x).cos() - 2.3 * wave - 0.3 * step, 0.02 * x - 1.1 * wave + step]
     }
 
-    /// Largest error of heights from exact slopes, up to a constant, and the steps taken.
+    /// Largest error of heights recovered from exact slopes, up to a constant, and the number of steps.
     fn recovered(n: usize) -> (f64, usize) {
         let (w, h, t, mask) = outline(n);
         let place = |k: usize| (t * (k % w) as f64 - 15.0, 11.0 - t * (k / w) as f64);
@@ -230,8 +230,8 @@ mod tests {
         (on().map(|k| (relief.height[k] + mean - z(place(k).0, place(k).1)).abs()).fold(0.0, f64::max), relief.steps)
     }
 
-    /// Heights of ±1 mm come back from exact normals within the trapezoid's error, which falls with the square of the
-    /// texel, in about as many steps.
+    /// Heights of ±1 mm are recovered from exact normals within the error of the trapezoid rule, which falls with the
+    /// square of the texel's size. The number of steps stays about the same.
     #[test]
     fn heights_come_back_from_normals() {
         let (coarse, few) = recovered(101);
@@ -258,7 +258,7 @@ mod tests {
         }
     }
 
-    /// Curl cannot be integrated: the residual says how much slope is left over.
+    /// A slope field with curl cannot be integrated: the residual says how much slope is left over.
     #[test]
     fn what_no_height_explains_is_said() {
         let (w, h) = (40, 40);
@@ -271,7 +271,8 @@ mod tests {
             .collect();
         let relief = integrate(&normal, &vec![true; w * h], w, h, 0.1);
         let largest = relief.height.iter().fold(0.0f64, |a, z| a.max(z.abs()));
-        // Mean square slope of the whirl along one axis: .01² (n²−1)/12; a square's corners take a little of it up.
+        // Mean square slope of the whirl along one axis: .01² (n²−1)/12. The corners of a square take up a little of
+        // it.
         let whirl = 0.01 * (1599.0f64 / 12.0).sqrt();
         assert!(
             relief.residual > 0.7 * whirl && relief.residual <= whirl && relief.steps <= 2,

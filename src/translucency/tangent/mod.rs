@@ -1,16 +1,16 @@
-//! The light that a leaf lets through, as in [`super::convolve`], and its derivatives by ln σa, ln σs′ and ln of a
-//! factor on the thickness.
+//! The light that a leaf lets through, as in [`super::convolve`], and its derivatives by ln σa, ln σs′ and the
+//! logarithm of a factor on the thickness. σa is the absorption, σs′ the reduced scattering.
 //!
-//! What does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once; [`Stage::at`] gives
-//! the transport of one tissue. A factor on the thickness moves the levels with it, so that their weights stay. The
-//! kernels' reach is the stage's, whatever the tissue: cost and gradient are smooth functions of it. Derivatives are
-//! exact ones of the discretised model: shares of the flow and totals are Chebyshev series in ln r and ln d, and a
-//! series is linear in its values.
+//! Everything that does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once;
+//! [`Stage::at`] gives the transport of one tissue. A factor on the thickness moves the levels too, so their weights
+//! stay the same. The reach of the kernels is fixed by the stage, so cost and gradient are smooth functions of the
+//! tissue. The derivatives are exact ones of the discretised model: shares of the flow and totals are Chebyshev series
+//! in ln r and ln d, and a series is linear in the values it is fitted to.
 //!
-//! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter,
-//! [`Tangent::gradient`] the change of a weighted sum of all of them along every parameter. The latter takes two
-//! transforms a level and image, the former six for three parameters. [`Tangent::by_thickness`] is the change of such a
-//! sum along the thickness of every texel.
+//! There are two ways to the same numbers. [`Tangent::derivative`] is the change of every image along one parameter.
+//! [`Tangent::gradient`] is the change of a weighted sum of all images along every parameter. The latter takes two
+//! transforms for each level and image, the former six for three parameters. [`Tangent::by_thickness`] is the change of
+//! such a sum along the thickness of every texel.
 
 mod series;
 #[cfg(test)]
@@ -29,18 +29,18 @@ use series::Series;
 use std::f64::consts::PI;
 use totals::{Slant, logarithms};
 
-/// ln σa, ln σs′, ln of the factor on the thickness.
+/// The parameters: ln σa, ln σs′, and ln of the factor on the thickness.
 pub const PARTIALS: usize = 3;
 
-/// One image's light that enters (per area), which of the stage's thickness maps it enters, and which of its incidences
-/// it has.
+/// The light of one image that enters (per area), with the thickness map of the stage that it enters and the incidence
+/// of the stage that it has.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
     /// Which thickness map of the stage the light enters.
     pub map: usize,
     /// Which incidence of the stage it has.
     pub incidence: usize,
-    /// What enters, a texel each, row by row.
+    /// The light that enters, one value for each texel, row by row.
     pub light: &'a [f64],
 }
 
@@ -53,11 +53,11 @@ pub struct Stage {
     closed: bool,
     nodes: Nodes,
     range: [f64; 2],
-    /// mm, row by row; a side's own columns.
+    /// Thickness maps in mm, row by row, each in the columns of its own side.
     thickness: Vec<Vec<f64>>,
-    /// A thickness map: weights of each level, texel by texel.
+    /// For each thickness map: the weights of each level, texel by texel.
     weights: Vec<Vec<f64>>,
-    /// Cosines of the light to the blade's normal that totals are taken for; 1 is along it.
+    /// Cosines of the angles between light and blade normal for which totals are computed; 1 is along the normal.
     incidences: Vec<f64>,
 }
 
@@ -66,18 +66,19 @@ pub struct Stage {
 pub struct Tangent<'a> {
     stage: &'a Stage,
     spectra: Vec<Spectrum>,
-    /// A level: derivatives of its kernel.
+    /// For each level: the derivatives of its kernel.
     partials: Vec<[Spectrum; PARTIALS]>,
-    /// A thickness map and in it an incidence, a texel: scattered total and unscattered share, then the derivatives of
-    /// both, parameter by parameter.
+    /// For each thickness map and incidence, and each texel: the scattered total and the unscattered share, then the
+    /// derivatives of both, parameter by parameter.
     parts: Vec<Vec<[f64; 2 * (PARTIALS + 1)]>>,
 }
 
 impl Stage {
-    /// For maps of `width` × n texels of `texel_mm`; `thickness` (mm) of each lit side in its own columns, 0 or NaN
-    /// where there is no tissue. Kernels end at `reach_mm` (at least one texel, at most the map), where the outermost
-    /// texels take what is left. `incidences`: cosines (0 to 1) to the blade's normal of the lights; with
-    /// [`Totals::Transport`] as much comes through as of a beam of that incidence, spread as one along the normal.
+    /// For maps of `width` × n texels of `texel_mm`. `thickness` (mm) is given for each lit side in its own columns; it
+    /// is 0 or NaN where there is no tissue. Kernels end at `reach_mm` (at least one texel, at most the map), where the
+    /// outermost texels take the remaining light. `incidences` are cosines (0 to 1) of the lights to the blade's
+    /// normal. With [`Totals::Transport`] the total is that of a beam with this incidence, but the light spreads like
+    /// that of a beam along the normal.
     ///
     /// # Errors
     /// Maps of unequal size, no texel with a thickness, no level, a texel that is not positive, a cosine out of range.
@@ -149,12 +150,12 @@ impl Stage {
         })
     }
 
-    /// Farthest distance (mm) that kernels span, and whether that is less than the whole map.
+    /// Largest distance (mm) that kernels span, and whether it is less than the whole map.
     pub fn reach_mm(&self) -> (f64, bool) {
         (self.reach as f64 * self.texel_mm, self.closed)
     }
 
-    /// The transport of `tissue` with every thickness times `factor`, in the thin form.
+    /// The transport of `tissue`, with every thickness multiplied by `factor`, in the thin form.
     ///
     /// # Errors
     /// A tissue or factor out of range, or so opaque that no light is left to compute with.
@@ -208,7 +209,7 @@ impl Stage {
         Ok(Tangent { stage: self, spectra, partials, parts })
     }
 
-    /// The shape of one thickness (sum 1) and its derivatives.
+    /// The shape (sum 1) for one thickness, and its derivatives.
     fn kernel(&self, tissue: &Tissue, d: f64) -> Option<[Kernel; PARTIALS + 1]> {
         let whole = tissue.beyond_with_partials(0.0, d, Form::Thin);
         if !(whole.value > 0.0) {
@@ -217,13 +218,13 @@ impl Stage {
         let by = |v: &Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
         let whole_by = by(&whole);
         let (low, high) = (0.499 * self.texel_mm, std::f64::consts::SQRT_2 * (self.reach as f64 + 1.0) * self.texel_mm);
-        // ln of the share; the nearest singularity lies at r = ± i d, a quarter turn off the axis of ln r.
+        // ln of the share. Its nearest singularity is at r = ± i d, a quarter turn off the axis of ln r.
         let half = 0.5 * (high / low).ln();
         let height = 0.5 * PI / half;
         let count = (20.0 / (height + height.hypot(1.0)).ln()).ceil().clamp(12.0, 200.0) as usize;
         let share = |r: f64| {
             let g = tissue.beyond_with_partials(r, d, Form::Thin);
-            // What has died away stays so.
+            // A value that has underflowed stays constant.
             if !(g.value > 1e-290 * whole.value) {
                 return [-667.0, 0.0, 0.0, 0.0];
             }
@@ -249,7 +250,7 @@ impl Tangent<'_> {
         source.map * self.stage.incidences.len() + source.incidence
     }
 
-    /// The light that leaves, an image a source.
+    /// The light that leaves, one image for each source.
     ///
     /// # Panics
     /// Where a map has another size than the stage.
@@ -324,7 +325,8 @@ impl Tangent<'_> {
     }
 
     /// The last entry of [`Tangent::gradient`], texel by texel: Σ over images and their texels of `views` times the
-    /// change of [`Tangent::run`] along ln of one texel's own thickness. A thickness map of the stage each.
+    /// change of [`Tangent::run`] along ln of one texel's own thickness. The result has one map for each thickness map
+    /// of the stage.
     ///
     /// # Panics
     /// Where a map has another size than the stage.
@@ -349,8 +351,8 @@ impl Tangent<'_> {
         out
     }
 
-    /// What a texel's whole scattered light, spread by `kernels` (one a level), would add to Σ view · image; real and
-    /// imaginary part for the first and the second source of the pair.
+    /// How much a texel's whole scattered light, spread by `kernels` (one for each level), would add to Σ view · image.
+    /// Real and imaginary part belong to the first and the second source of the pair.
     fn worth(
         &self,
         kernels: &[&Spectrum],
@@ -372,8 +374,8 @@ impl Tangent<'_> {
         rows.concat()
     }
 
-    /// Σ_k kernel_k ∗ row_k plus what stays in its texel: `texel(weights, parts, light, rows)` writes the rows' values
-    /// and returns what stays.
+    /// Σ_k kernel_k ∗ row_k plus the light that stays in its texel. `texel(weights, parts, light, rows)` writes the
+    /// values of the rows and returns what stays.
     fn sum(
         &self,
         sources: &[Source],

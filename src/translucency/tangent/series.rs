@@ -13,7 +13,7 @@ pub struct Series<const N: usize> {
 }
 
 impl<const N: usize> Series<N> {
-    /// `count` terms over [low, high]; a single one where both are the same.
+    /// A series of `count` terms over [low, high]; a single term where both ends are the same.
     pub fn fit(f: impl Fn(f64) -> [f64; N] + Sync, low: f64, high: f64, count: usize) -> Series<N> {
         let (middle, half) = (0.5 * (high.ln() + low.ln()), 0.5 * (high.ln() - low.ln()));
         let count = if half > 1e-12 { count } else { 1 };

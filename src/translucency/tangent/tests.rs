@@ -1,5 +1,5 @@
-//! The derivatives against central differences, the gradient against the derivatives, the images against the convolver
-//! that renders.
+//! Compares the derivatives with central differences, the gradient with the derivatives, and the images with the
+//! convolver that renders.
 
 use super::super::convolve::{Convolver, Settings};
 use super::*;
@@ -21,7 +21,7 @@ const LEVELS: Levels = Levels { count: 3, kind: super::super::levels::LevelKind:
 /// Two thickness maps, the second with a hole.
 fn maps() -> Vec<Vec<f64>> {
     let mut maps = [1, 2].map(|seed| noise(seed, TEXELS, RANGE[0], RANGE[1])).to_vec();
-    // Both ends, so that the convolver has the same levels.
+    // Both ends of the range occur, so that the convolver has the same levels.
     (maps[0][0], maps[0][1], maps[1][40]) = (RANGE[0], RANGE[1], 0.0);
     maps
 }
@@ -38,7 +38,7 @@ fn lights() -> Vec<Vec<f64>> {
     (0..3).map(|k| noise(10 + k, TEXELS, 0.0, 1.0)).collect()
 }
 
-/// The last at incidence `last`.
+/// The sources of these lights; the last one has the incidence `last`.
 fn sources(lights: &[Vec<f64>], last: usize) -> Vec<Source<'_>> {
     lights
         .iter()
@@ -105,7 +105,7 @@ fn derivatives_agree_with_differences_and_the_gradient_with_them() {
     }
 }
 
-/// One texel's thickness is moved; levels dense enough that their interpolation is not what is seen.
+/// One texel's thickness is changed. The levels are so dense that their interpolation does not matter.
 #[test]
 fn a_texels_thickness_moves_the_images_as_it_is_said_to() {
     let (lights, views) = (lights(), (0..3).map(|k| noise(20 + k, TEXELS, -1.0, 1.0)).collect::<Vec<_>>());
@@ -131,7 +131,7 @@ fn a_texels_thickness_moves_the_images_as_it_is_said_to() {
     }
 }
 
-/// A wide flat blade lets through what the transport equation says of a slanting beam.
+/// A wide flat blade transmits what the transport equation gives for a slanting beam.
 #[test]
 fn a_slanting_beam_brings_its_own_total() {
     let (n, d) = (15, 0.2);

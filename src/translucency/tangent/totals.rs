@@ -1,5 +1,5 @@
 //! How much light comes through one thickness, scattered and unscattered, with derivatives by the tissue. Values and
-//! parameters are logarithms.
+//! parameters are in logarithms.
 
 use super::PARTIALS;
 use crate::convolve::Totals;
@@ -7,7 +7,7 @@ use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::slab::{self, exact::Medium};
 
 /// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by
-/// parameter. `slant`: of the beam, unless it is along the normal.
+/// parameter. `slant` describes the beam, unless it is along the normal.
 pub fn logarithms(tissue: &Tissue, totals: Totals, slant: Option<&Slant>, d: f64) -> [f64; 2 * (PARTIALS + 1)] {
     let scattered = tissue.beyond_with_partials(0.0, d, Form::Thin);
     let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
@@ -21,7 +21,7 @@ pub fn logarithms(tissue: &Tissue, totals: Totals, slant: Option<&Slant>, d: f64
     }
     (log[3], log[5], log[7]) = (-a * d, -s * d, -(a + s) * d);
     if totals == Totals::Transport {
-        // Both rescaled so that together they are the transport equation's.
+        // Both are rescaled, so that their sum is that of the transport equation.
         let share = scattered.value / (scattered.value + log[1].exp());
         let wanted = slant.map_or_else(|| along_normal(a, s, d), |beam| beam.at(d));
         for (p, wanted) in wanted.into_iter().enumerate() {
@@ -42,11 +42,12 @@ fn along_normal(a: f64, s: f64, d: f64) -> [f64; PARTIALS + 1] {
     [r.rho_t.ln(), a * by.sigma_a.rho_t / r.rho_t, s * by.sigma_s.rho_t / r.rho_t, d * by.thickness.rho_t / r.rho_t]
 }
 
-/// The same for a beam at cosine `mu` (per flux through the horizontal), for many thicknesses of one tissue:
-/// derivatives by differences of the exact solution, of order h⁴.
+/// The same for a beam at cosine `mu` (relative to the flux through the horizontal), for many thicknesses of one
+/// tissue. Derivatives are differences of the exact solution, with an error of order h⁴.
 pub struct Slant {
     mu: f64,
-    /// Extinction and its medium: of the tissue itself, and with ln σa, then ln σs′ at h, −h, 2h, −2h.
+    /// Extinction and medium: of the tissue itself (`middle`), and with ln σa, then ln σs′, moved by h, −h, 2h and −2h
+    /// (`beside`).
     middle: (f64, Medium),
     beside: [[(f64, Medium); 4]; 2],
 }
@@ -70,7 +71,7 @@ impl Slant {
         let slope =
             |at: &[(f64, Medium); 4]| (8.0 * (ln(&at[0]) - ln(&at[1])) - (ln(&at[2]) - ln(&at[3]))) / (12.0 * Slant::H);
         let [by_a, by_s] = [0, 1].map(|k: usize| slope(&self.beside[k]));
-        // Only products with d enter.
+        // Only products with d matter.
         [ln(&self.middle), by_a, by_s, by_a + by_s]
     }
 }
