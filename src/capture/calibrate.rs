@@ -1,7 +1,7 @@
 //! From camera values to the calibrated scale: value = frame / white × the white sheet's own response D.
 //!
-//! Plain division by the white frame would make every white texel 1 in every frame and lose the tube's distance; D puts
-//! it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
+//! Plain division by the white frame would make every white texel 1 in every frame, and the effect of the tube's
+//! distance would be lost. D puts it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
 
 use crate::manifest::{Manifest, Pass, Travel, Tube, texel_position, white_path};
 use crate::{Error, Result};
@@ -10,15 +10,16 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// White sheets wider than this are averaged down: gain varies slowly, noise does not.
+/// White sheets wider than this are averaged down, because the gain varies slowly and the noise does not.
 const GRID: usize = 96;
 
-/// Response of a white Lambertian texel facing up at `at` (mm) to the tube at `position` (mm along its travel), in
-/// units of the response to an infinite tube straight above.
+/// The response D of a white Lambertian texel that faces up, at `at` (mm), to the tube at `position` (mm along its
+/// travel). Its unit is the response to an infinite tube straight above.
 ///
-/// D = 1/(π r²) Σ over both ends (φ + sin φ cos φ), tan φ = (distance to that end along the tube)/(r H), r = √(1+u²):
-/// the closed form for a line source in units of its height. A long Lambertian cylinder gives the same irradiance as
-/// its axis; by the capture's convention its lit length ends under the angles at which the axis' ends are seen.
+/// D = 1/(π r²) Σ over both ends (φ + sin φ cos φ), with tan φ = (distance to that end along the tube)/(r H), r =
+/// √(1+u²), H the tube's height and u its horizontal distance over H. This is the closed form for a line source in
+/// units of its height. A long Lambertian cylinder gives the same irradiance as its axis; by the capture's convention
+/// its lit length ends at the angles at which the axis' ends are seen.
 pub(crate) fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
     let (across, along) = match travel {
         Travel::X => (position - at[0], at[1]),
@@ -34,7 +35,7 @@ pub(crate) fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f6
     (end(half - along) + end(half + along)) / (PI * r * r)
 }
 
-/// Camera value of a texel of calibrated value 1, a frame, on a coarse grid over the blade.
+/// The camera value of a texel whose calibrated value is 1, for each frame, on a coarse grid over the blade.
 #[derive(Debug)]
 pub struct Gain {
     width: usize,
@@ -94,7 +95,7 @@ impl Gain {
                 for (o, (s, n)) in out.iter_mut().zip(sums.iter().zip(&counts)) {
                     for c in 0..3 {
                         let gain = s[c] / f64::from(n[c]);
-                        // A white sheet that reads nothing calibrates nothing: the frame has no reading there.
+                        // A white sheet that reads nothing cannot calibrate: the frame has no reading there.
                         o[c] = if gain > 0.0 { gain as f32 } else { f32::NAN };
                     }
                 }
@@ -137,7 +138,7 @@ impl Gain {
         gains
     }
 
-    /// Calls `take` with the number of each texel and the grid's value there.
+    /// Calls `take` with the number of each texel and the interpolated value of the grid there.
     fn interpolate(&self, grid: &[[f32; 3]], texels: &[[u32; 2]], mut take: impl FnMut(usize, [f32; 3])) {
         let (w, h) = (self.width, self.height);
         for (n, t) in texels.iter().enumerate() {

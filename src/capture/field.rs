@@ -1,4 +1,4 @@
-//! What every capture's manifest is held to: its schema, the size of its photographs, lengths and noises. Each refusal
+//! The checks that every capture's manifest must pass: schema, size of photographs, lengths and noises. Each refusal
 //! names the file, the field, what was found and what was expected.
 
 use crate::{Error, Result};
@@ -31,8 +31,8 @@ impl Fields<'_> {
         }
     }
 
-    /// Lengths of a device: between a nanometre and ten kilometres, beyond which arithmetic and not a device is being
-    /// tested.
+    /// Checks lengths of a device: between a nanometre and ten kilometres. Beyond these, arithmetic is tested and not a
+    /// device.
     pub(crate) fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
         match lengths.into_iter().find(|(_, value)| !(1e-6..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "a positive length in mm, 1e-6 to 1e7")),
@@ -40,7 +40,8 @@ impl Fields<'_> {
         }
     }
 
-    /// A leaf's thickness: the thinnest are some tens of micrometres, succulent ones some tens of millimetres.
+    /// Checks a leaf's thickness: the thinnest leaves are some tens of micrometres thick, succulent ones some tens of
+    /// millimetres.
     pub fn thickness_mm(&self, field: &str, value: f64) -> Result<()> {
         if (1e-3..=100.0).contains(&value) {
             Ok(())

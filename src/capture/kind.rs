@@ -37,7 +37,7 @@ impl Kind {
         }
     }
 
-    /// The verb that fits it.
+    /// The verb that fits this kind.
     fn way_on(self) -> &'static str {
         match self {
             Kind::Tube | Kind::Dome => "mesophyll fit leaf",
@@ -45,8 +45,8 @@ impl Kind {
         }
     }
 
-    /// The kind of the capture in `folder`; `None` where its `capture.toml` names no known one. A text that is no TOML
-    /// passes for a scan under a tube, whose reader then says what is wrong with it.
+    /// The kind of the capture in `folder`; `None` where its `capture.toml` names no known kind. A text that is not
+    /// TOML counts as a scan under a tube, whose reader then says what is wrong with it.
     ///
     /// # Errors
     /// [`Error::Input`] when there is no readable `capture.toml`.
@@ -61,7 +61,7 @@ impl Kind {
     }
 }
 
-/// Reads the manifest of a capture of the kind `expected`; its path and what it says.
+/// Reads the manifest of a capture of the kind `expected`. Returns its path and its contents.
 ///
 /// # Errors
 /// [`Error::Input`] that names the folder or the field: no capture, a fit, another kind of capture, a field that is
@@ -90,7 +90,7 @@ fn text(folder: &Path) -> Result<(PathBuf, String)> {
     Ok((path, text))
 }
 
-/// What was found and what was expected where they differ, and what can be done with what was found.
+/// What was found and what was expected where they differ, and which verb takes what was found.
 fn other_kind(table: &toml::Table, expected: Kind) -> String {
     let kind = Kind::in_table(table);
     let found = match (table.get("kind"), kind) {
@@ -115,7 +115,8 @@ fn other_kind(table: &toml::Table, expected: Kind) -> String {
 mod tests {
     use super::*;
 
-    /// Every kind read as every other one: what was found, what was expected, and the verb that takes it.
+    /// Reads every kind as every other one. The message must say what was found, what was expected, and which verb
+    /// takes it.
     #[test]
     fn another_kind_is_named_with_its_way_on() {
         let dir = tempfile::tempdir().unwrap();

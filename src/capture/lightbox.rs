@@ -1,24 +1,26 @@
-//! Transmission: a leaf on a diffuse box, and the mask that follows from it.
+//! Transmittance of a leaf on a diffuse light box, and the mask that follows from it.
 //!
-//! By reciprocity (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle
+//! By reciprocity, (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle
 //! (`data/README.md`).
 
 use super::grid::neighbours;
 
-/// Ratio leaf/box with its standard error, a texel and channel. NaN where the box reads nothing.
+/// The ratio leaf/box with its standard error, for each texel and channel. NaN where the box reads nothing.
 #[derive(Debug, Clone, Default)]
 pub struct Transmittance {
     /// Transmittance, 0 to 1.
     pub value: Vec<[f32; 3]>,
     /// Its standard error.
     pub error: Vec<[f32; 3]>,
-    /// The part of the error that the dark frame makes, with its sign: the ratio changes by this where both photographs
-    /// are one standard deviation of the dark frame too high. The texel's frames under the tube share that error.
+    /// The part of the error that comes from the dark frame, with its sign: the change of the ratio where both
+    /// photographs are one standard deviation of the dark frame too high. The texel's frames under the tube share this
+    /// error.
     pub by_dark: Vec<[f32; 3]>,
 }
 
-/// Transmittance from two photographs. `dark` is the standard deviation of the dark frame taken off both: it shifts the
-/// ratio by (1 − ratio)/box. `level`: that dark frame, where there is one; what it took off has noise, too.
+/// Transmittance from two photographs. `dark` is the standard deviation of the dark frame that was subtracted from
+/// both; it shifts the ratio by (1 − ratio)/box. `level` is that dark frame, if there is one: the light-independent
+/// signal that it removed has noise, too.
 pub fn transmittance(
     leaf: &[[f32; 3]],
     empty: &[[f32; 3]],
@@ -46,8 +48,8 @@ pub fn transmittance(
     found
 }
 
-/// Where the leaf is, from its transmission: texels darker than halfway between the leaf's median and the bare box, in
-/// pieces of at least 1 % of the largest one. Empty when nothing stands out.
+/// Where the leaf is, from its transmittance: texels darker than halfway between the leaf's median and the bare box, in
+/// pieces of at least 1 % of the largest piece. Empty when nothing stands out.
 pub fn mask_from_transmission(ratio: &[[f32; 3]], width: usize, height: usize) -> Vec<bool> {
     let mean: Vec<f32> = ratio.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).collect();
     let mut dark: Vec<f32> = mean.iter().copied().filter(|v| *v < 0.8).collect();

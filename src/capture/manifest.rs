@@ -28,7 +28,7 @@ pub struct Manifest {
     pub thickness_err_mm: Option<f64>,
     /// Angle of the view direction (sin, 0, cos) from the vertical, in every pass.
     pub camera_deg: f64,
-    /// Noise sd = √((relative·value)² + floor²); estimated when absent.
+    /// Noise: the standard deviation is √((relative·value)² + floor²); estimated when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_relative: Option<f64>,
     /// The part of the noise that does not grow with the value.
@@ -108,7 +108,7 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// Tube position of every frame along the direction of travel (mm); endpoints included.
+    /// Tube position of every frame along the direction of travel (mm), both ends included.
     pub fn positions(&self) -> Vec<f64> {
         if let Some(list) = &self.positions_mm {
             return list.clone();

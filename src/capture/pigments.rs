@@ -1,4 +1,4 @@
-//! The table of specific absorptions and refractive indices that `--pigments` names.
+//! The table of specific absorptions and refractive indices that the option `--pigments` names.
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::table::{Record, Table};
@@ -19,14 +19,14 @@ pub const COLUMNS: [&str; 9] = [
     "n_antidermal",
 ];
 
-/// A step this many times as long as the usual one is a gap.
+/// A step that is this many times as long as the usual one is a gap.
 const GAP: f64 = 1.5;
 
-/// Reads a table: a row a wavelength, ascending, in even steps.
+/// Reads a table. It has one row for each wavelength, in ascending order and even steps.
 ///
 /// # Errors
-/// A column that lacks or whose name says another unit, a cell that is empty, no number or out of range, wavelengths
-/// that do not ascend, and gaps; each by file, line and column.
+/// A column that is missing or whose name states another unit; a cell that is empty, no number or out of range;
+/// wavelengths that do not ascend; gaps. Each names the file, the line and the column.
 pub fn read(path: &Path) -> Result<Spectrum> {
     let mut table = Table::open(path)?;
     let mut places = [0; COLUMNS.len()];
@@ -78,7 +78,7 @@ pub fn read(path: &Path) -> Result<Spectrum> {
     Ok(Spectrum { points })
 }
 
-/// The place of a column; one of the same quantity in another unit is named.
+/// The place of a column. If a column has the same quantity in another unit, the error names it.
 fn column(table: &Table, name: &str) -> Result<usize> {
     let quantity = ["_nm", "_cm2_g", "_per_cm"].iter().find_map(|unit| name.strip_suffix(unit));
     let alike = |h: &&String| quantity.is_some_and(|q| h.starts_with(q)) && table.column(name).is_none();

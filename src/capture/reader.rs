@@ -1,4 +1,5 @@
-//! A capture opened for fitting: every file it needs is there and of the right size before anything long starts.
+//! A capture opened for fitting: before anything long starts, every file that it needs was found and has the right
+//! size.
 
 use crate::calibrate::Gain;
 use crate::manifest::{Manifest, Travel, frame_path, mirror_path, white_path};
@@ -14,18 +15,18 @@ use std::sync::OnceLock;
 /// The channels of every frame.
 pub const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// A validated capture. Holds no frames: they are read a band of rows at a time.
+/// A validated capture. It holds no frames: they are read in bands of rows.
 #[derive(Debug)]
 pub struct Capture {
-    /// Where it was read.
+    /// The folder that was read.
     pub folder: PathBuf,
-    /// What its `capture.toml` says.
+    /// The contents of its `capture.toml`.
     pub manifest: Manifest,
     /// Dark level a texel and channel (RGB planes), where `dark.exr` exists.
     dark: Option<Pixels>,
     /// Gain of each pass's frames, where white frames exist.
     gains: Vec<(Travel, Gain)>,
-    /// Median of all gains, found when it is first asked for.
+    /// Median of all gains, computed when it is first asked for.
     median_gain: OnceLock<f64>,
 }
 
@@ -37,8 +38,8 @@ pub type Band = Vec<Vec<[f32; 3]>>;
 pub type Pixels = Vec<[f32; 3]>;
 
 impl Capture {
-    /// Opens `folder`: reads the manifest, checks that every frame is there with the right size and channels, loads the
-    /// references.
+    /// Opens `folder`: reads the manifest, checks that every frame exists with the right size and channels, and loads
+    /// the references.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first file that is missing, of another size, or unreadable.
@@ -78,8 +79,8 @@ impl Capture {
         Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains, median_gain: OnceLock::new() })
     }
 
-    /// Content hash of everything a fit reads. Frames are hashed by name, size and a sample of their bytes would miss
-    /// edits, so their whole content counts.
+    /// Content hash of everything that a fit reads. The whole content of the frames is hashed: names, sizes and a
+    /// sample of the bytes would miss edits.
     pub fn hash(&self) -> Result<String> {
         let files = self.files();
         let hashes: Vec<String> = files.par_iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
@@ -170,7 +171,7 @@ impl Capture {
         Ok(image)
     }
 
-    /// Median camera value of a texel of calibrated value 1; 1 where frames are normalised already.
+    /// Median camera value of a texel whose calibrated value is 1; it is 1 where frames are already normalised.
     pub fn median_gain(&self) -> f64 {
         *self.median_gain.get_or_init(|| {
             let mut all: Vec<f32> = self.gains.iter().flat_map(|(_, g)| g.values()).filter(|v| v.is_finite()).collect();
@@ -182,8 +183,8 @@ impl Capture {
         })
     }
 
-    /// Camera value of calibrated value 1 at each of `texels`, a channel: the mean over the passes' white frames, or 1
-    /// without any.
+    /// Camera value of the calibrated value 1 at each of `texels`, a channel each: the mean over the passes' white
+    /// frames, or 1 where there are none.
     pub fn gain(&self, texels: &[[u32; 2]]) -> Vec<[f64; 3]> {
         let passes: Vec<Vec<[f32; 3]>> = self.gains.iter().map(|(_, g)| g.mean(texels)).collect();
         let mean = |n: usize, c: usize| passes.iter().map(|p| f64::from(p[n][c])).sum::<f64>() / passes.len() as f64;

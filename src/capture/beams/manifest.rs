@@ -42,9 +42,9 @@ pub struct Beam {
     pub file: String,
     /// The side that the light falls on.
     pub lit: Side,
-    /// Over the blade's plane: 90 is along the normal.
+    /// Elevation of the light over the blade's plane; 90 is along the normal.
     pub elevation_deg: f64,
-    /// In the lit side's image, from right to up, where the light comes from.
+    /// Direction that the light comes from in the lit side's image, counted from right to up.
     pub azimuth_deg: f64,
 }
 
@@ -99,7 +99,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// Texels of a photograph.
+    /// Number of texels in a photograph.
     pub fn texels(&self) -> usize {
         self.width * self.height
     }

@@ -1,4 +1,4 @@
-//! Photographs under beams opened for fitting: all of them are there, of one size, and hold readings.
+//! Photographs under beams, opened for fitting: all of them exist, have one size, and hold readings.
 
 use super::manifest::{Beam, Manifest};
 use crate::reader::RGB;
@@ -10,11 +10,12 @@ use std::path::{Path, PathBuf};
 /// A validated capture with its photographs.
 #[derive(Debug)]
 pub struct Capture {
-    /// Where it was read.
+    /// The folder that was read.
     pub folder: PathBuf,
-    /// What its `capture.toml` says.
+    /// The contents of its `capture.toml`.
     pub manifest: Manifest,
-    /// A photograph, a channel (R G B): values in the *lit* side's columns, row by row; NaN where there is no reading.
+    /// For each photograph and channel (R G B): values in the *lit* side's columns, row by row; NaN where there is no
+    /// reading.
     pub photographs: Vec<[Vec<f64>; 3]>,
 }
 

@@ -1,10 +1,11 @@
 //! Synthesis of photographs under beams from a leaf specification. Lengths in mm.
 //!
-//! The leaf's maps are those of the other captures (its normals, its thickness, its σ). A beam's irradiance with
+//! The leaf's maps are those of the other captures (normals, thickness, σ). The irradiance of a beam with
 //! self-shadowing enters, spreads in the thin form with the transport equation's totals for a beam of that incidence,
-//! and leaves: 20 thickness levels and kernels to 1e-9, more than a fit uses; σa that varies over the leaf (pigment
-//! leaves) by levels in ln σa, as thickness is. Index-matched: all light enters, what comes through leaves. For a patch
-//! the leaf is grown wider than the picture, so that light comes in over its border.
+//! and leaves. There are 20 thickness levels and kernels to 1e-9, more than a fit uses. Where σa varies over the leaf
+//! (pigment leaves), there are levels in ln σa as well as in thickness. The leaf is index-matched: all light enters,
+//! and all light that reaches the far side leaves. For a patch the leaf is grown wider than the picture, so that light
+//! comes in over its border.
 
 use super::manifest::{Beam, Manifest};
 use crate::kind::Kind;
@@ -49,12 +50,12 @@ pub struct Options {
     pub model: Model,
 }
 
-/// Thickness levels, and levels of ln σa where it varies.
+/// Number of thickness levels, and of levels of ln σa where it varies.
 const LEVELS: usize = 20;
 const PIGMENTS: usize = 6;
-/// Light from farther than this many mean thicknesses beyond a patch is left out.
+/// Light from more than this many mean thicknesses outside of a patch is left out.
 const AROUND: f64 = 8.0;
-/// No facet counts for more than this many texels' area.
+/// A facet counts for at most the area of this many texels.
 const STEEPEST: f64 = 5.0;
 
 /// One beam along each side's normal, and three slanting ones on the front.
@@ -73,7 +74,7 @@ pub fn usual_beams() -> Vec<Beam> {
     )
 }
 
-/// Gives beams their files, as `photographs/01_front_90_0.exr`.
+/// Gives the beams their file names, such as `photographs/01_front_90_0.exr`.
 pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
     for (k, b) in beams.iter_mut().enumerate() {
         b.file = format!("photographs/{:02}_{}_{}_{}.exr", k + 1, b.lit.name(), b.elevation_deg, b.azimuth_deg);
@@ -81,7 +82,7 @@ pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
     beams
 }
 
-/// A leaf, wider than the picture by `around` texels on every side.
+/// A leaf that is wider than the picture by `around` texels on every side.
 #[derive(Debug, Clone)]
 pub struct Grown {
     /// The leaf with all its maps.
@@ -90,7 +91,7 @@ pub struct Grown {
     pub around: usize,
 }
 
-/// Grows the leaf; `None` when not one texel of the picture lies on it, or the leaf is no slab.
+/// Grows the leaf; `None` where not one texel of the picture lies on it, or where the leaf is not a slab.
 pub fn grow(spec: &Spec, options: &Options) -> Option<Grown> {
     let (w, h) = (options.width, options.height);
     let (window, around) = match options.patch {
@@ -132,7 +133,7 @@ impl Grown {
         let height = relief::integrate(&normal, &mask, w, h, leaf.texel_mm).height;
         let thickness: Vec<f64> =
             side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
-        // A slope has more area than its texel: it catches n·ω/n_z.
+        // A slope has more area than its texel, so it receives n·ω/n_z.
         let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
         let surface = Surface { height, normal, entry };
         let lit = LitSide {
@@ -163,7 +164,8 @@ impl Grown {
     }
 }
 
-/// How much of a beam at cosine `mu` to the normal comes through a slab of `d` mm, over that of a beam along it.
+/// The share of a beam at cosine `mu` to the normal that comes through a slab of `d` mm, divided by that of a beam
+/// along the normal.
 pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
     slanting_in(&medium(tissue), tissue, d, mu)
 }
@@ -199,7 +201,7 @@ fn slants(tissue: &Tissue, range: [f64; 2], mu: f64) -> impl Fn(f64) -> f64 + us
     }
 }
 
-/// The light that comes through where σa varies: sources split by levels of ln σa.
+/// The light that comes through where σa varies; the sources are split by levels of ln σa.
 fn through(
     light: &[f64],
     thickness: &[f64],
@@ -223,7 +225,7 @@ fn through(
         return Ok(sum);
     }
     for (k, &node) in nodes.iter().enumerate() {
-        // Lagrange weight of this node at each texel's σa.
+        // Lagrange's weight of this node for the σa of each texel.
         let weight = |s: f64| match varies {
             true => (0..PIGMENTS).filter(|j| *j != k).map(|j| (s / nodes[j]).ln() / (node / nodes[j]).ln()).product(),
             false => 1.0,
@@ -242,7 +244,7 @@ fn through(
     Ok(sum)
 }
 
-/// Photographs `grown` into `folder`; `capture.toml` comes last.
+/// Writes photographs of `grown` into `folder`; `capture.toml` is written last.
 ///
 /// # Errors
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
@@ -263,7 +265,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
                 }
             }
         }
-        // As the unlit side's camera sees it; off the leaf there is nothing to read.
+        // As the unlit side's camera sees it; off the leaf there are no readings.
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
         let mut maps = Maps::new(w, h);
         for (channel, name) in shown.iter().zip(crate::reader::RGB) {

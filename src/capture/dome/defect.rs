@@ -1,5 +1,5 @@
-//! What can be wrong with a texel, by name. A status of 1 is a good texel, 0 lies off the leaf, and these codes say
-//! what is wrong.
+//! The defects that a texel can have, by name. A status of 1 is a good texel, 0 is off the leaf, and the codes of the
+//! defects say what is wrong.
 
 use serde::Serialize;
 
@@ -11,13 +11,13 @@ pub enum Defect {
     NoReading,
     /// A photograph reads `full_scale` or more here.
     Saturated,
-    /// A height scan has no number here, on either side; the maps hold what its neighbours say.
+    /// A height scan has no number here, on either side; the maps hold values from its neighbours.
     Hole,
     /// The two heights leave no thickness above 0.
     Thickness,
     /// Albedo and transmittance sum to more than 1 in some channel, by more than three standard errors.
     Energy,
-    /// The albedo is below 0 in some channel by more than three standard errors once the highlight is taken off.
+    /// Once the highlight is subtracted, the albedo is below 0 in some channel by more than three standard errors.
     Dark,
 }
 

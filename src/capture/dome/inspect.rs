@@ -1,5 +1,6 @@
-//! A first look at a capture under a dome: what is wrong with its files, all of it, and then what the reduction makes
-//! of it: coverage, exposure, noise, how the two scans lie to each other, and whether the texels are fine enough.
+//! A first look at a capture under a dome. It lists everything that is wrong with the files, and then the results of
+//! the reduction: coverage, exposure, noise, how the two scans lie relative to each other, and whether the texels are
+//! fine enough.
 
 use super::manifest::{Manifest, Picture};
 use super::noise::quantile;
@@ -11,20 +12,20 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What a look at a capture found.
+/// The result of a first look at a capture.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Inspection {
     /// The capture's folder.
     pub folder: String,
     /// What its field `kind` says: `dome`.
     pub kind: &'static str,
-    /// As `capture.toml` says; absent when it cannot be read.
+    /// The contents of `capture.toml`; absent when it cannot be read.
     pub manifest: Option<Manifest>,
-    /// Why it cannot be used; empty when it can.
+    /// Why the capture cannot be used; empty when it can.
     pub problems: Vec<String>,
     /// What can be used but deserves a look.
     pub warnings: Vec<String>,
-    /// What follows from what is there and what is absent.
+    /// Consequences of what the capture holds and of what it lacks.
     pub notes: Vec<String>,
     /// The photographs' readings on the leaf.
     pub photographs: Vec<Photograph>,
@@ -36,23 +37,23 @@ pub struct Inspection {
     pub sides: Vec<SideSummary>,
 }
 
-/// Readings of one photograph on the leaf, dark level off, relative to the median of its reference (white sheet, back
-/// light).
+/// Readings of one photograph on the leaf, after the dark level was subtracted, relative to the median of its reference
+/// (white sheet or back light).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Photograph {
     /// Which photograph of which side.
     pub name: String,
-    /// Their quantile .001.
+    /// Quantile .001 of the readings.
     pub low: f64,
-    /// Their median.
+    /// Median of the readings.
     pub median: f64,
-    /// Their quantile .999.
+    /// Quantile .999 of the readings.
     pub high: f64,
     /// Share of the leaf's texels without a number in some channel, or saturated.
     pub no_reading_share: f64,
 }
 
-/// What the two scans say.
+/// The results of the two scans.
 #[derive(Debug, Clone, Serialize)]
 pub struct Shape {
     /// How the scans lie to each other, and what was done about noise.
@@ -63,18 +64,18 @@ pub struct Shape {
     pub hole_share: f64,
 }
 
-/// What one side's photographs say.
+/// The results of one side's photographs.
 #[derive(Debug, Clone, Serialize)]
 pub struct SideSummary {
     /// `front` or `back`.
     pub side: &'static str,
-    /// The mirrored light of the dome that is taken off the albedo.
+    /// The mirrored light of the dome that is subtracted from the albedo.
     pub highlight: super::highlight::Highlight,
     /// Medians of the albedo, a channel each.
     pub albedo: [f64; 3],
     /// Medians of the transmittance, a channel each.
     pub transmittance: [f64; 3],
-    /// Texels by the name of their defect.
+    /// Number of texels with each defect, by name.
     pub defects: BTreeMap<&'static str, usize>,
 }
 
@@ -246,7 +247,7 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
     }
 }
 
-/// What the manifest and the absence of files imply.
+/// Consequences of the manifest and of missing files.
 fn consequences(folder: &Path, m: &Manifest, found: &mut Inspection) {
     let mut note = |text: String| found.notes.push(text);
     if !folder.join("dark.exr").exists() {

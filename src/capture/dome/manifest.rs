@@ -28,7 +28,7 @@ pub struct Manifest {
     /// Standard error of the caliper's reading (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness_max_err_mm: Option<f64>,
-    /// Width of the caliper's contact (mm): it meets the mean thickness under it.
+    /// Width of the caliper's contact (mm). The caliper measures the mean thickness under it.
     #[serde(default = "contact")]
     pub contact_mm: f64,
     /// Noise sd of a photograph's reading = √((relative·value)² + floor²); estimated when absent.
@@ -37,7 +37,8 @@ pub struct Manifest {
     /// The part of the noise that does not grow with the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
-    /// Exposures that white, back light and dark are means of; their noise is less by the root of it.
+    /// The number of exposures that white, back light and dark are averages of; their noise is smaller by its square
+    /// root.
     #[serde(default = "one_shot")]
     pub reference_shots: u32,
     /// Noise sd of a height as delivered (mm); estimated when absent.
@@ -46,7 +47,7 @@ pub struct Manifest {
     /// Standard deviation of the Gaussian that the scans were smoothed with before delivery (mm).
     #[serde(default)]
     pub height_filter_mm: f64,
-    /// Readings from here on are saturated.
+    /// Readings of this value or more are saturated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<f64>,
     /// Reflectance of the white sheet.
@@ -125,7 +126,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// Standard deviation (texels) of the Gaussian that averages as a disc of the contact's width does.
+    /// Standard deviation (texels) of the Gaussian that averages like a disc of the contact's width.
     pub(crate) fn contact_texels(&self) -> f64 {
         0.25 * self.contact_mm / self.texel_mm
     }
@@ -139,9 +140,9 @@ impl Manifest {
 /// The pictures of a side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Picture {
-    /// Under the dome.
+    /// The photograph under the dome.
     Albedo,
-    /// In front of the back light: light that fell on the other side.
+    /// The photograph in front of the back light: its light fell on the other side.
     Translucency,
     /// Heights in mm towards this side's camera.
     Height,
@@ -151,7 +152,7 @@ impl Picture {
     /// Every picture of a side.
     pub const ALL: [Picture; 3] = [Picture::Albedo, Picture::Translucency, Picture::Height];
 
-    /// The first part of its file's name.
+    /// The first part of the file's name.
     pub fn name(self) -> &'static str {
         match self {
             Picture::Albedo => "albedo",
@@ -160,7 +161,7 @@ impl Picture {
         }
     }
 
-    /// Channels it must hold.
+    /// Channels that the picture must hold.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
             Picture::Height => &["Y"],

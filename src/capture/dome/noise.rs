@@ -1,10 +1,10 @@
-//! Noise of one picture from the picture itself, where nobody stated it: the Laplacian difference of Immerkær (1996),
-//! which cancels anything that is locally a plane in either direction, taken as a median so that veins and the outline
-//! count little. Fine texture that is really there is taken for noise: an upper bound.
+//! Noise of one picture, estimated from the picture itself where it is not stated. The Laplacian difference of Immerkær
+//! (1996) cancels anything that is locally a plane in either direction; its median is taken so that veins and the
+//! outline count little. Real fine texture is taken for noise, so the result is an upper bound.
 
-/// 1 −2 1; −2 4 −2; 1 −2 1: the sum of squares is 36.
+/// The stencil 1 −2 1; −2 4 −2; 1 −2 1, whose sum of squares is 36.
 const STENCIL: [f64; 9] = [1.0, -2.0, 1.0, -2.0, 4.0, -2.0, 1.0, -2.0, 1.0];
-/// Fewest places that make an estimate.
+/// Smallest number of places for an estimate.
 const FEWEST: usize = 64;
 
 /// Standard deviation of white noise in `values` (row-major) over the texels of `mask` whose neighbours all lie on it
@@ -28,12 +28,12 @@ pub fn deviation(values: &[f64], mask: &[bool], width: usize) -> Option<(f64, f6
     Some((median(&mut found) / 0.674_489_75, median(&mut level)))
 }
 
-/// The middle value; 0 for none.
+/// The middle value; 0 for an empty list.
 pub fn median(values: &mut [f64]) -> f64 {
     quantile(values, 0.5)
 }
 
-/// The value below which the share `q` lies; 0 for none.
+/// The value below which the share `q` of the values lies; 0 for an empty list.
 pub fn quantile(values: &mut [f64], q: f64) -> f64 {
     if values.is_empty() {
         return 0.0;

@@ -1,5 +1,5 @@
-//! A capture under a dome, opened: every file it needs is there, of the right size, and read. Photographs have their
-//! dark level taken off.
+//! A capture under a dome, opened: every file that it needs exists, has the right size, and is read. The dark level is
+//! subtracted from photographs.
 
 use super::manifest::{Manifest, Picture, empty_path, white_path};
 use crate::{Error, Result};
@@ -18,20 +18,20 @@ pub struct Pictures {
     pub albedo: Pixels,
     /// Photograph in front of the back light, less the dark frame.
     pub translucency: Pixels,
-    /// Height (mm) towards the camera, from a zero of the scan's own; NaN is a hole.
+    /// Height (mm) towards the camera, above the scan's own zero; NaN is a hole.
     pub height: Vec<f32>,
-    /// Readings under the dome, as recorded, that share the highest value: many where a sensor clips.
+    /// How many readings under the dome share the highest recorded value: many where a sensor clips.
     pub clipped: usize,
-    /// Texels of either photograph at `full_scale` or more.
+    /// Which texels read `full_scale` or more in either photograph.
     pub saturated: Vec<bool>,
 }
 
 /// A validated capture in memory.
 #[derive(Debug)]
 pub struct Capture {
-    /// Where it was read.
+    /// The folder that was read.
     pub folder: PathBuf,
-    /// What its `capture.toml` says.
+    /// The contents of its `capture.toml`.
     pub manifest: Manifest,
     /// The front's pictures.
     pub front: Pictures,
@@ -163,14 +163,14 @@ impl Capture {
     }
 }
 
-/// The pictures a capture cannot do without, and their channels.
+/// The pictures that a capture must have, and their channels.
 fn required(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
     let sides = [Side::Front, Side::Back];
     let pictures = sides.iter().flat_map(|&s| Picture::ALL.map(|p| (p.path(folder, s), p.channels())));
     pictures.chain([white_path(folder), empty_path(folder)].map(|p| (p, Picture::Albedo.channels()))).collect()
 }
 
-/// Everything that is wrong with the files' presence, sizes and channels; their samples are not read.
+/// Everything that is wrong with the presence, size and channels of the files; their samples are not read.
 pub(crate) fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
     let optional = [("dark.exr", Picture::Albedo.channels()), ("mask.exr", Picture::Height.channels())];
     let optional =

@@ -1,11 +1,12 @@
-//! A capture under a dome becomes maps: albedo, transmittance, thickness, heights and normals of both sides, with
-//! standard errors and named defects (Habel 2009, §3.3.2, made explicit where the text leaves it to tools). Lengths in
-//! mm, shares 0 … 1.
+//! Reduces a capture under a dome to maps: albedo, transmittance, thickness, heights and normals of both sides, with
+//! standard errors and named defects (Habel 2009, §3.3.2; steps that the text leaves to tools are explicit here).
+//! Lengths in mm, shares 0 … 1.
 //!
-//! Albedo: (picture − dark)/(white − dark) · the sheet's reflectance, less the mirrored dome, over the share of the
-//! dome that is seen past the relief. Transmittance: (picture − dark)/(back light − dark): light that fell on the
-//! *other* side. Thickness: the sum of both heights less its lean, its highest place set to the caliper's. Normals:
-//! from smoothed heights by central differences.
+//! - Albedo: (picture − dark)/(white − dark) · the sheet's reflectance, less the mirrored dome, divided by the share of
+//!   the dome that the texel sees past the relief.
+//! - Transmittance: (picture − dark)/(back light − dark). Its light fell on the *other* side.
+//! - Thickness: the sum of both heights less its lean, with its highest place set to the caliper's reading.
+//! - Normals: from smoothed heights by central differences.
 
 use super::align::Alignment;
 use super::defect::{Defect, GOOD, OUTSIDE};
@@ -22,10 +23,10 @@ use mesophyll_translucency::blade::{Blade, Surface};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// What the reduction is told beside the capture.
+/// The options of the reduction.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options {
-    /// Standard deviation of the smoothing of heights (mm); as narrow as the noise allows when absent.
+    /// Standard deviation of the smoothing of heights (mm). When absent, it is as narrow as the noise allows.
     pub smooth_mm: Option<f64>,
 }
 
@@ -34,7 +35,7 @@ pub struct Options {
 pub struct ReducedSide {
     /// Diffuse reflectance without the highlight, a channel.
     pub albedo: Vec<[f64; 3]>,
-    /// Its standard error from the photographs' noise; that of the highlight is common to all texels
+    /// Standard error of the albedo from the photographs' noise. The error of the highlight is common to all texels
     /// ([`Highlight::stderr`]).
     pub albedo_err: Vec<[f64; 3]>,
     /// Share of the back light that comes through towards this side's camera, a channel.
@@ -45,9 +46,9 @@ pub struct ReducedSide {
     pub height: Vec<f64>,
     /// Unit normals in this side's image frame.
     pub normal: Vec<[f64; 3]>,
-    /// Share of the dome that a texel sees past the relief, by the cosine.
+    /// Share of the dome that a texel sees past the relief, weighted by the cosine.
     pub visible: Vec<f64>,
-    /// The mirrored light of the dome that was taken off the albedo.
+    /// The mirrored light of the dome that was subtracted from the albedo.
     pub highlight: Highlight,
     /// 1 good, 0 off the leaf, else a [`Defect`]'s code.
     pub status: Vec<i16>,
@@ -66,10 +67,10 @@ pub struct Reduced {
     pub mask: Vec<bool>,
     /// mm; NaN off the leaf.
     pub thickness: Vec<f64>,
-    /// Of a texel: the scans' noise and the detail that smoothing took; that of the zero is common to all
-    /// ([`Alignment::offset_err_mm`]).
+    /// Standard error of each texel's thickness from the scans' noise and the detail that smoothing removed. The error
+    /// of the zero is common to all texels ([`Alignment::offset_err_mm`]).
     pub thickness_err: Vec<f64>,
-    /// How the two height scans lie to each other.
+    /// How the two height scans lie relative to each other.
     pub alignment: Alignment,
     /// Noise of the photographs.
     pub noise: PhotoNoise,
@@ -99,7 +100,7 @@ impl Reduced {
         }
     }
 
-    /// Texels of a side with each defect, by name; those without any are left out.
+    /// How many texels of a side have each defect, by name. Defects that do not occur are left out.
     pub fn defects(&self, side: Side) -> BTreeMap<&'static str, usize> {
         let status = &self.side(side).status;
         let count = |d: Defect| (d.name(), status.iter().filter(|s| **s == d.code()).count());
@@ -108,8 +109,8 @@ impl Reduced {
 }
 
 impl Reduced {
-    /// A channel of a map of a side, row-major as its camera saw it: where the texel has no reading, is dark or breaks
-    /// energy, what its neighbours say; 0 off the leaf.
+    /// A channel of a map of a side without holes, row-major as its camera saw it. Texels without a reading, dark ones
+    /// and those that break energy take values from their neighbours; 0 off the leaf.
     fn whole(&self, side: Side, map: &[[f64; 3]], channel: usize) -> Vec<f64> {
         let side = self.side(side);
         let broken = [Defect::NoReading, Defect::Saturated, Defect::Energy, Defect::Dark].map(Defect::code);
@@ -127,13 +128,13 @@ impl Reduced {
         self.whole(side, &self.side(side).albedo, channel)
     }
 
-    /// What comes through towards the camera of a side (the light fell on the other one), in the same manner.
+    /// Transmittance towards the camera of a side (the light fell on the other side), without holes, 0 off the leaf.
     pub fn transmittance(&self, side: Side, channel: usize) -> Vec<f64> {
         self.whole(side, &self.side(side).transmittance, channel)
     }
 
-    /// The blade in one channel, ready for light transport: 1 − albedo of each side enters it. Texels without a
-    /// positive thickness take their neighbours'.
+    /// The blade in one channel, ready for light transport: the share 1 − albedo of each side enters it. Texels without
+    /// a positive thickness take their neighbours' thickness.
     pub fn blade(&self, channel: usize) -> Blade {
         let positive: Vec<f64> = self.thickness.iter().map(|d| if *d > 0.0 { *d } else { f64::NAN }).collect();
         let thickness = filled(&positive, &self.mask, self.width, 0.0);
@@ -231,7 +232,8 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
     })
 }
 
-/// As stated, or seen in the front's green photograph under the dome, all of it taken as a floor.
+/// The stated noise; otherwise the noise seen in the front's green photograph under the dome, which is all taken as a
+/// floor.
 fn photo_noise(capture: &Capture) -> PhotoNoise {
     let m = &capture.manifest;
     if m.noise_relative.is_some() || m.noise_floor.is_some() {
@@ -247,8 +249,8 @@ fn photo_noise(capture: &Capture) -> PhotoNoise {
     PhotoNoise { relative: 0.0, floor, stated: false }
 }
 
-/// picture/reference and its standard error, both with their dark level off already; NaN where the reference shows no
-/// light.
+/// picture/reference and its standard error; the dark level was already subtracted from both. NaN where the reference
+/// shows no light.
 fn quotient(
     picture: &Pixels,
     reference: &Pixels,
@@ -266,7 +268,7 @@ fn quotient(
             if r > 0.0 && p.is_finite() {
                 let q = p / r;
                 value[c] = q;
-                // The dark frame is taken off both.
+                // The same dark frame is subtracted from both.
                 error[c] = (variance(p) + q * q * variance(r) / shots + (1.0 - q).powi(2) * dark).sqrt() / r;
             }
         }
@@ -275,7 +277,8 @@ fn quotient(
     picture.iter().zip(reference).map(texel).unzip()
 }
 
-/// `mask.exr`, or what darkens the back light on both sides; and a check that both sides' outlines are the same leaf's.
+/// `mask.exr`, or the texels that darken the back light on both sides. Also checks that the outlines of both sides are
+/// those of one leaf.
 fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> Result<Vec<bool>> {
     let (w, h) = (capture.manifest.width, capture.manifest.height);
     let seen = [0, 1].map(|s: usize| {
@@ -330,15 +333,15 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
     }
 }
 
-/// Texels that both hold over texels that either holds.
+/// The number of texels in both masks over the number in either.
 fn overlap(a: &[bool], b: &[bool]) -> f64 {
     let both = a.iter().zip(b).filter(|(a, b)| **a && **b).count();
     let either = a.iter().zip(b).filter(|(a, b)| **a || **b).count();
     both as f64 / either.max(1) as f64
 }
 
-/// The first defect that applies. Light that comes through towards this camera fell on the other side: its albedo
-/// counts for energy.
+/// The first defect that applies. Light that comes through towards this camera fell on the other side, so that side's
+/// albedo is used in the check of energy.
 fn status(
     side: &ReducedSide,
     other: &ReducedSide,

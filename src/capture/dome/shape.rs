@@ -1,5 +1,5 @@
-//! Two height scans of a capture become the blade's shape: thickness and both sides' heights over one middle plane
-//! (mm), with holes filled; and the checks that the scans are of one blade, each towards its own camera.
+//! Turns two height scans of a capture into the blade's shape: thickness, and both sides' heights over one middle plane
+//! (mm), with holes filled. Checks that the scans show one blade, each with heights towards its own camera.
 
 use super::align::{self, Alignment, Wanted};
 use super::manifest::{Manifest, Picture};
@@ -21,7 +21,7 @@ pub struct Shape {
 /// Aligns the scans, sets the zero of the thickness and smooths.
 ///
 /// # Errors
-/// [`Error::Input`] when the scans hold too little, do not cancel but for a thickness, or have the wrong sign.
+/// [`Error::Input`] when the scans hold too little, do not cancel except for a thickness, or have the wrong sign.
 pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shape> {
     let m = &capture.manifest;
     let (w, h) = (m.width, m.height);
@@ -57,7 +57,7 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     let offset = m.thickness_max_mm - top.value;
     let filled = |values: &[f64], width: f64| filled(values, mask, w, width);
     let thickness: Vec<f64> = filled(&rest, thin.texels).into_iter().map(|v| v + offset).collect();
-    // The back scan takes all of the lean; the middle plane is the front's mean less half the thickness.
+    // The back scan gets all of the lean. The middle plane is the front's mean less half the thickness.
     let mean = |map: &[f64]| {
         let (sum, n) =
             (0..w * h).filter(|&k| mask[k] && map[k].is_finite()).fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
@@ -92,20 +92,20 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     Ok(Shape { thickness, height, alignment })
 }
 
-/// How far a map reaches above and below its median on the mask, one texel in a thousand left out at each end, less
-/// what noise of this deviation would do by itself.
+/// How far a map reaches above and below its median on the mask, less what noise of this deviation alone would cause.
+/// One texel in a thousand is left out at each end.
 fn reach(values: &[f64], mask: &[bool], noise: f64) -> Option<(f64, f64)> {
     let mut all: Vec<f64> = values.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).map(|(v, _)| *v).collect();
     if all.is_empty() {
         return None;
     }
     let [low, middle, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
-    // Three deviations of what the smoothing leaves, about a quarter of the noise.
+    // Three deviations of the noise that the smoothing leaves, which is about a quarter of the noise.
     let slack = 0.75 * noise;
     Some(((high - middle - slack).max(0.0), (middle - low - slack).max(0.0)))
 }
 
-/// Heights of one blade cancel but for its thickness, and veins make it thicker, not thinner.
+/// The heights of one blade cancel except for its thickness, and veins make it thicker, not thinner.
 fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
     if above + below > 1.5 * m.thickness_max_mm {
         return Err(Error::input(
@@ -130,7 +130,7 @@ fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
     Ok(())
 }
 
-/// Smoothed values on the mask; holes hold what the nearest values say, by ever wider smoothing.
+/// Smoothed values on the mask. Holes are filled from the nearest values by wider and wider smoothing.
 pub fn filled(values: &[f64], mask: &[bool], width: usize, smoothing: f64) -> Vec<f64> {
     let weight: Vec<f64> = values.iter().zip(mask).map(|(v, m)| f64::from(u8::from(*m && v.is_finite()))).collect();
     let mut out = smooth(values, &weight, width, &Kernel::gaussian(smoothing));

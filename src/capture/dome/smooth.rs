@@ -1,11 +1,11 @@
 //! Gaussian smoothing of maps with holes, and what it does to noise. Widths in texels.
 //!
-//! A map is smoothed by normalised convolution (Knutsson & Westin 1993): texels of weight 0 contribute nothing and are
-//! filled in from their neighbours, so that neither the outline nor a hole bends what is measured beside it.
+//! A map is smoothed by normalised convolution (Knutsson & Westin 1993). Texels of weight 0 contribute nothing and are
+//! filled in from their neighbours, so that neither the outline nor a hole distorts the values beside it.
 
 use rayon::prelude::*;
 
-/// A symmetric kernel of unit sum: its centre and what stands to the right of it.
+/// A symmetric kernel of unit sum: its centre and its right half.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kernel(Vec<f64>);
 
@@ -41,7 +41,7 @@ impl Kernel {
         squares(&self.full())
     }
 
-    /// Standard deviation of the slope (per texel, central differences) that such noise leaves along one direction.
+    /// Standard deviation of the slope (per texel, central differences) that such noise causes along one direction.
     pub fn slope_noise(&self) -> f64 {
         let difference = convolve(&self.full(), &[0.5, 0.0, -0.5]);
         (squares(&difference) * squares(&self.full())).sqrt()
@@ -58,8 +58,8 @@ impl Kernel {
         product(&slope(self), &slope(other)) * product(&self.full(), &other.full())
     }
 
-    /// What the noise estimate of `noise.rs` finds of such noise, relative to its deviation after this kernel: less
-    /// than 1, for smoothed noise looks like relief.
+    /// The noise that the estimate of `noise.rs` finds after this kernel, relative to its true deviation. It is less
+    /// than 1, because smoothed noise looks like relief.
     pub(crate) fn laplacian_noise(&self) -> f64 {
         squares(&convolve(&self.full(), &[1.0, -2.0, 1.0])) / 6.0 / self.noise()
     }
@@ -85,8 +85,8 @@ fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Smooths `values` (row-major, `width` a row) where `weight` is above 0; NaN where the kernel finds nothing. Values of
-/// weight 0 are never looked at.
+/// Smooths `values` (row-major, `width` a row) where `weight` is above 0; NaN where the kernel meets no weight. Values
+/// of weight 0 are never read.
 pub fn smooth(values: &[f64], weight: &[f64], width: usize, kernel: &Kernel) -> Vec<f64> {
     let product: Vec<f64> = values.iter().zip(weight).map(|(v, w)| if *w > 0.0 { v * w } else { 0.0 }).collect();
     let (top, bottom) = (pass(&product, width, kernel), pass(weight, width, kernel));
@@ -145,7 +145,7 @@ mod tests {
         );
     }
 
-    /// The stated noise against noise that is drawn, smoothed and measured.
+    /// Compares the stated noise with noise that is drawn, smoothed and measured.
     #[test]
     fn the_noise_left_is_the_noise_stated() {
         let (w, h) = (256, 256);
@@ -157,7 +157,7 @@ mod tests {
             let n = inner().count() as f64;
             let sd = (inner().map(|k| left[k].powi(2)).sum::<f64>() / n).sqrt();
             let slope = (inner().map(|k| (0.5 * (left[k + 1] - left[k - 1])).powi(2)).sum::<f64>() / n).sqrt();
-            // Independent values: about one in 4πσ² texels.
+            // The number of independent values is about one in 4πσ² texels.
             let spread = (4.0 * std::f64::consts::PI * sigma * sigma / n).sqrt().max(1.0 / n.sqrt());
             assert!((sd / kernel.noise() - 1.0).abs() < 4.0 * spread, "{sigma}: {sd} {}", kernel.noise());
             assert!(
@@ -166,7 +166,7 @@ mod tests {
                 kernel.slope_noise()
             );
         }
-        // One after the other is the sum of squares, nearly.
+        // Two smoothings, one after the other, add their squares, nearly.
         let both = Kernel::gaussian(3.0).then(&Kernel::gaussian(4.0));
         assert!((both.noise() / Kernel::gaussian(5.0).noise() - 1.0).abs() < 1e-4);
     }

@@ -1,13 +1,16 @@
-//! Synthesis of a capture under a dome from a leaf specification: the leaf's maps (shared with the linear light
-//! source's synthesis) become a blade with two surfaces, which is photographed and scanned. Lengths in mm.
+//! Synthesis of a capture under a dome from a leaf specification. The leaf's maps (shared with the synthesis for the
+//! linear light source) become a blade with two surfaces, which is photographed and scanned. Lengths in mm.
 //!
-//! The blade: the front's relief is the specification's; the back lies the thickness d under it, so that what the
-//! scanner measures and what light crosses are one thing (`raised_mm` of the specification is therefore not used: a
-//! vein stands out by what it is thicker). Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of
-//! the dome), V the share of the dome it sees past the relief, weighted by the cosine; light between neighbouring
-//! slopes is left out. In front of the back light it shows what comes through, spread sideways by the tissue
-//! ([`through`]). Scans: heights towards each camera with white noise, both smoothed by the scanner's filter; each scan
-//! has a zero and a tilt of its own.
+//! The blade: the front's relief is that of the specification, and the back lies the thickness d under it. So the
+//! scanner measures the same thickness that light crosses. (The specification's `raised_mm` is therefore not used: a
+//! vein stands out by its extra thickness.)
+//!
+//! Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of the dome), where V is the share of the
+//! dome that it sees past the relief, weighted by the cosine. Light between neighbouring slopes is left out. In front
+//! of the back light it shows what comes through, spread sideways by the tissue ([`through`]).
+//!
+//! Scans: heights towards each camera with white noise, both smoothed by the scanner's filter. Each scan has its own
+//! zero and tilt.
 
 use super::manifest::{Manifest, Picture, empty_path, white_path};
 use super::smooth::{Kernel, pass, smooth};
@@ -50,18 +53,18 @@ pub struct Options {
     pub model: Model,
 }
 
-/// Standard deviation of the scanner's smoothing (mm).
+/// Standard deviation of the Gaussian of the scanner's smoothing (mm).
 const FILTER_MM: f64 = 0.05;
 /// Width of the caliper's contact, and its standard error (mm).
 const CONTACT_MM: f64 = 1.0;
 const CALIPER_MM: f64 = 0.002;
 /// Radiance of the back light at its middle.
 const BOX_LEVEL: f64 = 0.9;
-/// A scan's tilt is up to this (mm per mm), its zero up to this many mm off.
+/// Largest tilt of a scan (mm per mm), and largest error of its zero (mm).
 const TILT: f64 = 0.008;
 const OFFSET_MM: f64 = 2.0;
 
-/// A leaf with the blade's geometry and what its photographs show.
+/// A leaf with the geometry of its blade and what its photographs show.
 #[derive(Debug, Clone)]
 pub struct Blade {
     /// The leaf with all its maps.
@@ -73,7 +76,7 @@ pub struct Blade {
     centre_mm: [f64; 2],
 }
 
-/// What the photographs of a side show where nothing is uneven: shares of the dome's and of the back light.
+/// What the photographs of a side would show under even light: shares of the dome's light and of the back light.
 #[derive(Debug, Clone)]
 pub struct Shown {
     /// ρd times the share of the dome that is seen.
@@ -85,11 +88,11 @@ pub struct Shown {
 }
 
 impl Blade {
-    /// Grows the leaf of a specification, gives it a back, and lights it; `None` when not one texel lies on it. Round a
-    /// patch the leaf goes on, so that light may come in from beside.
+    /// Grows the leaf of a specification, gives it a back, and lights it; `None` when not one texel lies on it. The
+    /// leaf continues around a patch, so that light may come in from the sides.
     ///
     /// # Errors
-    /// What the spreading of light refuses ([`through`]).
+    /// The errors of the spreading of light ([`through`]).
     pub fn grow(spec: &Spec, options: &Options) -> Result<Option<Blade>> {
         let (w, h) = (options.width, options.height);
         let (window, margin) = match options.patch {
@@ -130,7 +133,7 @@ impl Blade {
         Ok(Some(Blade { leaf, height, shown: [cut(&shown[0]), cut(&shown[1])], centre_mm: window.centre_mm }))
     }
 
-    /// Place of a texel in the field (mm), for the front; light and camera are as uneven for the back.
+    /// Place of a texel in the field (mm), for the front. Light and camera are equally uneven for the back.
     fn place(&self, k: usize) -> [f64; 2] {
         let (w, h) = (self.leaf.width, self.leaf.height);
         let p = texel_position(w, h, self.leaf.texel_mm, k % w, k / w);
@@ -185,7 +188,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     };
     for (s, (name, shown)) in sides.into_iter().zip(&blade.shown).enumerate() {
         let mask = leaf.mask_of(name);
-        // Beside the leaf the back light shows past it; the dome shines on black cloth.
+        // Beside the leaf the camera sees the back light, and under the dome it sees black cloth.
         let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));
         let through = |k: usize| shown.transmittance[k].map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
         put(Picture::Albedo.path(folder, name), &albedo, sensor, s as u64)?;
@@ -226,7 +229,7 @@ fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
     maps
 }
 
-/// A height scan: the surface and the scanner's noise, smoothed together, under a tilt and a zero of its own; NaN off
+/// A height scan: the surface and the scanner's noise, smoothed together, with the scan's own tilt and zero; NaN off
 /// the leaf.
 fn scanned(height: &[f64], mask: &[bool], leaf: &Leaf, options: &Options, side: u64) -> Vec<f32> {
     let (w, h) = (leaf.width, leaf.height);
@@ -263,7 +266,7 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
     let met = smooth(&thickness, &weight, leaf.width, &Kernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
     let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
     let slip = if exact { 0.0 } else { CALIPER_MM * Stream::new(options.seed, &[23]).normal_pair()[0] };
-    // The index of a smooth surface that mirrors as much along its normal as this one does.
+    // The refractive index of a smooth surface that mirrors as much along its normal as this one does.
     let fresnel = spec.lobe.index().map_or(1.0, |index| ((index - 1.0) / (index + 1.0)).powi(2));
     let index = [&spec.front, &spec.back].map(|s| {
         let r = (s.rho_s * fresnel).min(0.15).sqrt();

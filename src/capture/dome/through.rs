@@ -1,11 +1,14 @@
-//! What a leaf shows in front of a diffuse back light when light spreads sideways inside it, for synthesis.
+//! What a leaf shows in front of a diffuse back light when light spreads sideways inside it; used for synthesis.
 //!
-//! Per texel and channel: τ(x) = ρt(x) · [A_p Σ_i T(|x − x_i|, d_i) V_i/n_z,i] / T_total(d(x)), with ρt the slab's for
-//! the texel's own pigment (a beam along the normal, which by reciprocity is what the camera sees), T the diffusing
-//! kernel of the leaf's mean tissue with its total set to the slab's (H9 Eq. 3.14 without the albedos; all light
-//! enters, as the slab has it), d the thickness where the light entered and V/n_z what falls there of the back light
-//! past the relief, per area of the plane. A flat uniform leaf shows its ρt; a vein's shadow is softened; beside a hole
-//! or the outline some light is lost.
+//! For each texel and channel: τ(x) = ρt(x) · [A_p Σ_i T(|x − x_i|, d_i) V_i/n_z,i] / T_total(d(x)).
+//! - ρt is the slab's transmittance with the texel's own pigment, for a beam along the normal; by reciprocity that is
+//!   what the camera sees.
+//! - T is the diffusing kernel of the leaf's mean tissue, with its total set to the slab's (H9 Eq. 3.14 without the
+//!   albedos; all light enters, as in the slab). A_p is the area of a texel.
+//! - d is the thickness where the light entered.
+//! - V/n_z is the back light that falls there past the relief, per area of the plane.
+//!
+//! A flat uniform leaf shows its ρt. A vein's shadow is softened. Next to a hole or the outline some light is lost.
 
 use super::visible::visible;
 use crate::Result;
@@ -17,17 +20,17 @@ use mesophyll_optics::side::mirror;
 use mesophyll_translucency::blade::Blade;
 use mesophyll_translucency::convolve::{Convolver, Settings, Totals};
 
-/// How far sideways light is followed where a part of a leaf is captured (mm).
+/// How far sideways light is followed where only a part of a leaf is captured (mm).
 pub(crate) const REACH_MM: f64 = 2.0;
 
-/// τ of both sides, front first, each as the camera behind which the light does not stand saw it.
+/// τ of both sides, front first, each as its own camera saw it; the back light stands behind the leaf.
 ///
 /// # Errors
 /// Only what the convolution refuses: a tissue that neither absorbs nor scatters.
 pub fn through(leaf: &Leaf, shape: &Blade) -> Result<[Vec<[f32; 3]>; 2]> {
     let width = leaf.width;
     let (front, back) = (shape.lit(Side::Front), shape.lit(Side::Back));
-    // A facet of the slope 1/n_z catches that much more than its texel's area would.
+    // A facet with the normal's component n_z has 1/n_z times its texel's area, and receives that much more light.
     let falls = [&front, &back]
         .map(|lit| -> Vec<f64> { visible(lit).into_iter().zip(&lit.surface.normal).map(|(v, n)| v / n[2]).collect() });
     let mut shown = [vec![[0f32; 3]; leaf.mask.len()], vec![[0f32; 3]; leaf.mask.len()]];
@@ -58,7 +61,7 @@ fn range(side: &GrownSide) -> [f64; 2] {
     on.fold([f64::MAX, 0.0], |[a, b], d| [a.min(d), b.max(d)])
 }
 
-/// The mean inside of a leaf in a channel; scattering is isotropic, and all light leaves that reaches a surface, as in
+/// The mean tissue of a leaf in a channel. Scattering is isotropic, and all light that reaches a surface leaves, as in
 /// the slab.
 fn tissue(side: &GrownSide, c: usize) -> Tissue {
     let on: Vec<usize> = (0..side.thickness.len()).filter(|&k| side.thickness[k] > 0.0).collect();
@@ -75,11 +78,11 @@ mod tests {
     const W: usize = 96;
     const H: usize = 80;
 
-    /// A level leaf of the given thicknesses in texels of 0.1 mm, and what shows on its front in red, green, blue.
+    /// A level leaf of the given thicknesses, in texels of 0.1 mm, and what its front shows in red, green and blue.
     fn shown(thickness: impl Fn(usize, usize) -> f32) -> (Vec<f32>, Vec<[f32; 3]>, Vec<[f32; 3]>) {
         let front: Vec<f32> = (0..W * H).map(|k| thickness(k % W, k / W)).collect();
         let (sigma_a, sigma_s) = ([5.0f32, 2.0, 8.0], [6.0f32, 12.0, 4.0]);
-        // Few thicknesses: each is solved once.
+        // There are only a few thicknesses, so each is solved once.
         let mut solved: Vec<(f32, [f32; 3])> = Vec::new();
         for &d in &front {
             if !solved.iter().any(|s| s.0 == d) {
@@ -122,13 +125,14 @@ mod tests {
         let (_, own, seen) = shown(|_, _| 0.2);
         for c in 0..3 {
             assert!(inner().all(|k| (seen[k][c] / own[k][c] - 1.0).abs() < 1e-3));
-            // Beside the image's edge, beyond which no light comes in, some of what spreads is missing.
+            // No light comes in from beyond the image's edge, so some light is missing beside it.
             let edge = seen[40 * W][c] / own[40 * W][c];
             assert!((0.4..0.999).contains(&edge), "{c}: {edge}");
         }
     }
 
-    /// A vein's shadow is softened: no light is lost, the vein is brighter than alone, its sides are darker.
+    /// A vein's shadow is softened: no light is lost, the vein is brighter than it would be alone, and its sides are
+    /// darker.
     #[test]
     fn a_vein_is_softened_and_no_light_is_lost() {
         let mut gained = [0.0f32; 3];

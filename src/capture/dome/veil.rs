@@ -1,6 +1,6 @@
-//! What a rough surface mirrors of an even dome: the directional albedo of the lobe, which lies over the leaf's own
-//! colour as a veil. Per unit ρs; the view is along the blade's normal, the surface leans by the cosine `lean` and has
-//! the roughness `m`. For synthesis only: the reduction knows no lobe.
+//! The share of an even dome that a rough surface mirrors: the directional albedo of the lobe, which lies over the
+//! leaf's own colour as a veil. It is given per unit ρs. The view is along the blade's normal; the surface leans by the
+//! cosine `lean` and has the roughness `m`. It is used for synthesis only: the reduction does not use a lobe.
 
 use crate::synth::slab_truth::gauss_legendre;
 use mesophyll_optics::gloss::Lobe;
@@ -11,7 +11,7 @@ const NODES: usize = 24;
 const FLATTEST: f64 = 0.35;
 const ROUGHEST: f64 = 0.9;
 
-/// The veil for every lean and roughness, interpolated bilinearly (to about 3e-3 of itself).
+/// The veil for every lean and roughness, interpolated bilinearly (to a relative error of about 3e-3).
 #[derive(Debug)]
 pub struct Veil(Vec<f64>);
 
@@ -25,7 +25,8 @@ impl Veil {
         )
     }
 
-    /// At a lean (cosine of the angle between surface and blade normal) and a roughness; clamped to the table's range.
+    /// The veil at a lean (cosine of the angle between surface and blade normal) and a roughness, both clamped to the
+    /// table's range.
     pub fn at(&self, lean: f64, m: f64) -> f64 {
         let place = |v: f64, a: f64, b: f64| ((v - a) / (b - a)).clamp(0.0, 1.0) * (NODES - 1) as f64;
         let (x, y) = (place(lean, FLATTEST, 1.0), place(m, 0.01, ROUGHEST));
@@ -36,10 +37,10 @@ impl Veil {
     }
 }
 
-/// ∫ f cosθi dω over the directions above both the surface and the blade's plane. With half vectors drawn by D cosα, f
-/// cosθi dω = (v·h)/((n·v) cosα) of their share (Torrance & Sparrow 1967; dω = 4 (v·h) dω_h).
+/// ∫ f cosθi dω over the directions above both the surface and the blade's plane. Half vectors h are drawn with the
+/// density D cosα, so each counts f cosθi dω = (v·h)/((n·v) cosα) (Torrance & Sparrow 1967; dω = 4 (v·h) dω_h).
 fn share(lobe: Lobe, lean: f64, m: f64) -> f64 {
-    // Half a turn: the other half is its mirror image.
+    // Half a turn is enough, because the other half is its mirror image.
     const AZIMUTHS: usize = 48;
     let sin = (1.0 - lean * lean).max(0.0).sqrt();
     // The surface's frame: normal along z, view in the x–z plane; the blade's normal is the view.
@@ -94,8 +95,8 @@ mod tests {
         }
     }
 
-    /// Level surfaces against the directional albedo that the renderers use, which is other code (it bounds the lobe by
-    /// G as well).
+    /// Level surfaces are compared with the directional albedo that the renderers use, which is other code (it also
+    /// bounds the lobe by G).
     #[test]
     fn level_surfaces_agree_with_the_renderers_albedo() {
         for m in [0.1, 0.25, 0.4] {

@@ -1,4 +1,4 @@
-//! The frames of the passes: are all there, of the right size, whole, and do they hold light?
+//! The frames of the passes: whether all of them exist, have the right size, are complete, and hold light.
 
 use super::noise::{NoiseMeter, WINDOW};
 use super::{Inspection, list_numbers};
@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Sentences on single files that are listed one by one; the rest are counted.
+/// At most this many sentences on single files are listed; the rest are counted.
 const LISTED: usize = 5;
 
 /// One side's pass.
@@ -30,7 +30,7 @@ pub struct PassSummary {
     pub bytes: u64,
     /// Frames whose samples were read.
     pub sampled: usize,
-    /// Of the samples that were read: without a value (NaN: dead or saturated in every exposure).
+    /// Of the samples that were read: the share without a value (NaN: dead or saturated in every exposure).
     pub no_reading_share: f64,
     /// Texels without a value in any frame that was read.
     pub never_read_texels: usize,
@@ -40,13 +40,13 @@ pub struct PassSummary {
     pub min: f64,
     /// Largest sample, in the same unit.
     pub max: f64,
-    /// Largest share of a frame's samples that have exactly the frame's largest value: clipping, when it is large.
+    /// Largest share of a frame's samples that have exactly the frame's largest value. A large share means clipping.
     pub at_the_top_share: f64,
     /// Frame of the largest mean, and that mean.
     pub brightest: Option<(usize, f64)>,
 }
 
-/// What a header and the last row say.
+/// The result of reading a header and the last row.
 enum Header {
     Fine { bytes: u64, half: bool },
     Missing,
@@ -161,7 +161,7 @@ fn interrupted() -> Result<()> {
     if progress::stop_requested() { Err(Error::Interrupted("stopped; nothing was written".into())) } else { Ok(()) }
 }
 
-/// Header, and the last row: files are written top to bottom, so a cut file lacks its end.
+/// Reads the header and the last row: files are written top to bottom, so a truncated file lacks its end.
 fn header(path: &Path, m: &Manifest) -> Header {
     let Ok(meta) = std::fs::metadata(path) else { return Header::Missing };
     let wrong = |field: &str, what: String| Header::Wrong(Error::field(path, field, what).to_string());
@@ -181,7 +181,7 @@ fn header(path: &Path, m: &Manifest) -> Header {
     }
 }
 
-/// EXR files in the pass's folder beyond the frames of the manifest.
+/// Number of EXR files in the pass's folder that are not among the manifest's frames.
 fn surplus(folder: &Path, side: Side, pass: &Pass, expected: usize) -> usize {
     let names: Vec<std::path::PathBuf> = (0..expected).map(|k| frame_path(folder, side, pass.name, k)).collect();
     let place = folder.join(side.name()).join(pass.name.name());
@@ -193,7 +193,7 @@ fn surplus(folder: &Path, side: Side, pass: &Pass, expected: usize) -> usize {
         .count()
 }
 
-/// The ends, and windows of five for the noise; everything, in windows of five, when `deep`.
+/// Which frames are read: the ends, and windows of five for the noise. With `deep`, all frames in windows of five.
 fn chosen(frames: usize, deep: bool) -> Vec<Vec<usize>> {
     if deep {
         return (0..frames).collect::<Vec<_>>().chunks(WINDOW).map(<[usize]>::to_vec).collect();
@@ -278,7 +278,7 @@ impl Samples {
     }
 }
 
-/// Whether what was read can be fitted.
+/// Whether the samples that were read can be fitted.
 fn judge(place: &str, m: &Manifest, s: &PassSummary, samples: &Samples, found: &mut Inspection) {
     if s.sampled == 0 {
         return;

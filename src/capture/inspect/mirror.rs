@@ -1,10 +1,10 @@
-//! The mirror strip: whether the tube's reflection stands where `capture.toml` says that it must.
+//! The mirror strip: whether the tube's reflection is where `capture.toml` says that it must be.
 //!
-//! A level mirror sends the camera's ray to (−sin c, 0, cos c): in pass x it meets the axis of a tube at height H where
-//! x = position + H tan c, in pass y where y = position. An offset Δ from there is one of the tube's zero, its height
-//! (H by Δ/tan c) or the camera's angle (by Δ cos²c/H), which one view cannot tell apart; whichever it is, the fitted
-//! normals lean by −Δ cos²c/(2H) in pass x and −Δ/(2H) in pass y. (Gardner et al. 2003 place the tube by a mirror
-//! strip; the arithmetic here is the law of reflection.) Lengths in mm.
+//! A level mirror sends the camera's ray (c is the camera's angle) to (−sin c, 0, cos c). It meets the axis of a tube
+//! at height H where x = position + H tan c in pass x, and where y = position in pass y. An offset Δ from there may be
+//! an error of the tube's zero, of its height (H is off by Δ/tan c), or of the camera's angle (off by Δ cos²c/H). One
+//! view cannot tell these apart. In each case the fitted normals lean by −Δ cos²c/(2H) in pass x and −Δ/(2H) in pass y.
+//! (Gardner et al. 2003 place the tube by a mirror strip; the arithmetic here is the law of reflection.) Lengths in mm.
 
 use super::{Inspection, list_numbers};
 use crate::Result;
@@ -15,26 +15,25 @@ use std::path::Path;
 
 /// Lean of the fitted normals (degrees) that deserves a warning.
 const LEAN_DEG: f64 = 0.1;
-/// Standard errors beyond which an offset is none of chance.
+/// An offset of more than this many standard errors is no chance.
 const SURE: f64 = 3.0;
 
-/// One pass's reflection against the stated geometry.
+/// The reflection in one pass, compared with the stated geometry.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MirrorCheck {
     /// `x` or `y`.
     pub pass: String,
     /// Frames that show the whole reflection.
     pub frames: usize,
-    /// Mean distance of the reflection from where it should be, along the travel, and its standard error.
+    /// Mean distance of the reflection from its expected place, along the travel.
     pub offset_mm: f64,
     /// Standard error of `offset_mm`.
     pub error_mm: f64,
-    /// By how much normals will lean in that direction if nothing is done.
+    /// How much the fitted normals will lean in that direction (degrees) if nothing is corrected.
     pub lean_deg: f64,
 }
 
-/// Adds what the mirror strip of the capture `folder` says to `found`: its offsets, and a note or a warning about each
-/// pass.
+/// Adds the results of the capture's mirror strip to `found`: the offsets, and a note or a warning for each pass.
 pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
     if !folder.join("mirror").exists() {
         found
@@ -70,7 +69,7 @@ fn judge(m: &Manifest, pass: &Pass, offsets: &[f64], found: &mut Inspection) {
     let n = offsets.len() as f64;
     let mean = offsets.iter().sum::<f64>() / n;
     let scatter = (offsets.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
-    // One frame says nothing of its scatter: a texel's width stands in for it.
+    // One frame says nothing about its scatter, so a texel's width is taken instead.
     let error = if offsets.len() > 1 { scatter / n.sqrt() } else { m.texel_mm };
     let camera = m.camera_deg.to_radians();
     let turn = if pass.name == Travel::X { camera.cos().powi(2) } else { 1.0 };
@@ -121,7 +120,7 @@ fn offsets(folder: &Path, m: &Manifest, pass: &Pass) -> Result<Vec<f64>> {
     Ok(profiles.iter().filter_map(|(position, p)| Some(centre(p, top)? - position - shift)).collect())
 }
 
-/// Place along the travel and mean value over the strip and the channels; places without any reading are left out.
+/// Place along the travel and mean value over the strip and the channels. Places without any reading are left out.
 fn profile(path: &Path, m: &Manifest, travel: Travel) -> Result<Vec<(f64, f64)>> {
     let maps = image::read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
     let (w, h) = (maps.width, maps.height);
@@ -149,7 +148,7 @@ fn profile(path: &Path, m: &Manifest, travel: Travel) -> Result<Vec<(f64, f64)>>
     Ok(out)
 }
 
-/// The value beside the reflection, which covers less than half of the strip.
+/// The value beside the reflection. The reflection covers less than half of the strip.
 fn base(profile: &[(f64, f64)]) -> f64 {
     let mut values: Vec<f64> = profile.iter().map(|(_, v)| *v).collect();
     values.sort_by(f64::total_cmp);

@@ -1,6 +1,6 @@
-//! Looks a capture over before anyone waits for a fit: every file it needs, every header, a sample of the frames (or
-//! all), and what follows from what is there and what is not. Nothing is fitted; every problem is listed, not only the
-//! first.
+//! A look at a capture before anyone waits for a fit. It checks every file that is needed, every header, and a sample
+//! of the frames (or all of them), and says what follows from what exists and what is missing. Nothing is fitted. Every
+//! problem is listed, not only the first.
 
 mod frames;
 pub mod mirror;
@@ -18,18 +18,18 @@ pub use mirror::MirrorCheck;
 pub use noise::NoiseEstimate;
 pub use references::ReferenceSummary;
 
-/// What a look at a capture found.
+/// The result of a look at a capture.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Inspection {
     /// The capture's folder.
     pub folder: String,
-    /// As the manifest says; absent when it cannot be read.
+    /// The contents of the manifest; absent when it cannot be read.
     pub manifest: Option<Manifest>,
-    /// Why it cannot be fitted; empty when it can.
+    /// Why the capture cannot be fitted; empty when it can.
     pub problems: Vec<String>,
     /// What can be fitted but deserves a look.
     pub warnings: Vec<String>,
-    /// What follows from what is there and what is absent.
+    /// Consequences of what the capture holds and of what it lacks.
     pub notes: Vec<String>,
     /// The frames of each side's passes.
     pub passes: Vec<PassSummary>,
@@ -65,8 +65,8 @@ impl Inspection {
     }
 }
 
-/// Looks at `CAPTURE`: all headers and the last row of every frame; of the samples a few frames a pass, or all of them
-/// when `deep`.
+/// Looks at `CAPTURE`: all headers and the last row of every frame, and the samples of a few frames of each pass, or of
+/// all frames when `deep`.
 ///
 /// # Errors
 /// Only [`crate::Error::Interrupted`]; whatever is wrong with the capture is in [`Inspection::problems`].
@@ -89,7 +89,7 @@ pub fn inspect(folder: &Path, deep: bool) -> Result<Inspection> {
     Ok(found)
 }
 
-/// What the manifest alone implies.
+/// Consequences of the manifest alone.
 fn consequences(m: &Manifest, found: &mut Inspection) {
     let mut note = |text: String| found.notes.push(text);
     if m.passes.len() == 1 {
@@ -118,8 +118,8 @@ fn consequences(m: &Manifest, found: &mut Inspection) {
     for pass in &m.passes {
         let p = pass.positions();
         let step = p.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-        // Near the mirror angle a slope changes the tube's place by 2 H/cos²(camera): a lobe of roughness m spans two
-        // frames at this m.
+        // Near the mirror angle, a slope changes the place of the reflection by 2 H/cos²(camera). At this m a lobe
+        // spans two frames.
         let narrow = step / m.tube.height_mm * m.camera_deg.to_radians().cos().powi(2);
         note(format!(
             "pass \"{}\": {} positions, at most {step:.3} mm apart; roughness below about {narrow:.3} is not resolved",
@@ -129,7 +129,7 @@ fn consequences(m: &Manifest, found: &mut Inspection) {
     }
 }
 
-/// The stated noise beside the one that is seen.
+/// Compares the stated noise with the noise that is seen.
 fn compare_noise(m: &Manifest, found: &mut Inspection) {
     let Some(seen) = &found.noise else { return };
     match (m.noise_relative, m.noise_floor) {
@@ -152,8 +152,8 @@ fn compare_noise(m: &Manifest, found: &mut Inspection) {
     }
 }
 
-/// Rough: a fit reads every frame once, keeps maps and errors of every side, and works at some tens of microseconds a
-/// texel and pass.
+/// A rough estimate. A fit reads every frame once, keeps maps and errors of every side, and takes some tens of
+/// microseconds for each texel and pass.
 fn estimate(m: &Manifest, found: &Inspection) -> Estimate {
     const READ_BYTES_A_SECOND: f64 = 2.0e8;
     const SECONDS_A_TEXEL_AND_PASS: f64 = 4.0e-5;

@@ -1,5 +1,5 @@
-//! Noise of frames from fourth differences along the tube's path: they cancel anything as smooth as the tube's fall-off
-//! (to about 1e-4 of the value at 100 frames), so what is left is noise: sd² = (relative · value)² + floor².
+//! Noise of frames from fourth differences along the tube's path. These cancel anything as smooth as the tube's
+//! fall-off (to about 1e-4 of the value at 100 frames), so only noise is left: sd² = (relative · value)² + floor².
 
 use serde::Serialize;
 
@@ -10,10 +10,10 @@ const WEIGHTS: [f64; WINDOW] = [1.0, -4.0, 6.0, -4.0, 1.0];
 const NORM: f64 = 8.366_600_265_340_756;
 /// Logarithmic bins of the value, over 1e-4 … 1e2.
 const BINS: usize = 24;
-/// Fewest differences that make a bin count.
+/// Smallest number of differences for which a bin counts.
 const FEWEST: usize = 64;
 
-/// What the differences between frames say of the noise.
+/// The noise as the differences between frames show it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct NoiseEstimate {
     /// The part that grows with the value: standard deviation = √((relative · value)² + floor²).
@@ -85,7 +85,8 @@ fn median(values: &mut [f32]) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// y = a x + b, both ≥ 0, each point weighted by its count over y² (a variance is known to a relative error).
+/// The line y = a x + b with a, b ≥ 0. Each point has the weight of its count over y², because a variance is known to a
+/// relative error.
 fn line(rows: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
     let rows: Vec<_> = rows.iter().filter(|r| r.1 > 0.0).collect();
     if rows.is_empty() {
@@ -101,7 +102,7 @@ fn line(rows: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
             return Some((a, b));
         }
     }
-    // One of the two is not seen: the better of the two one-parameter fits.
+    // One of the two parts cannot be seen: the better of the two one-parameter fits is taken.
     let (only_a, only_b) = (sxy / sxx.max(1e-300), sy / s);
     let misfit = |a: f64, b: f64| rows.iter().map(|(x, y, n)| n * ((a * x + b) / y - 1.0).powi(2)).sum::<f64>();
     Some(if misfit(only_a, 0.0) < misfit(0.0, only_b) { (only_a, 0.0) } else { (0.0, only_b) })

@@ -1,4 +1,4 @@
-//! White sheet, dark frame, light box, mask, truth: which are there, whether they are usable, and what follows.
+//! White sheet, dark frame, light box, mask and truth: which of them exist, whether they are usable, and what follows.
 
 use super::{Inspection, list_numbers};
 use crate::Error;
@@ -74,7 +74,7 @@ pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
     }
 }
 
-/// Whether there is a white sheet; what is wrong with it goes to the problems.
+/// Whether there is a white sheet. Its faults are added to the problems.
 fn white(folder: &Path, m: &Manifest, found: &mut Inspection) -> bool {
     if !folder.join("white").exists() {
         return false;
@@ -96,7 +96,7 @@ fn white(folder: &Path, m: &Manifest, found: &mut Inspection) -> bool {
             ReferenceSummary { name: place.clone(), files: expected - missing.len(), ..ReferenceSummary::default() };
         for (k, path) in paths.iter().enumerate().filter(|(k, _)| !missing.contains(k)) {
             summary.bytes += std::fs::metadata(path).map_or(0, |d| d.len());
-            // Headers of all; the samples of a few say whether there is light.
+            // All headers are read; the samples of a few frames say whether there is light.
             let look = if k % (expected / 4).max(1) == 0 {
                 image::read_exr_rows(path, Some(&["R", "G", "B"]), None).map(Some)
             } else {
@@ -124,7 +124,7 @@ fn white(folder: &Path, m: &Manifest, found: &mut Inspection) -> bool {
     true
 }
 
-/// Header of a white frame: any size up to the leaf's.
+/// Checks the header of a white frame: any size up to the leaf's is allowed.
 fn shape(path: &Path, m: &Manifest) -> Result<(), Error> {
     let info = image::exr_info(path)?;
     if info.width > m.width || info.height > m.height {
@@ -139,7 +139,7 @@ fn size_sentence(path: &Path, width: usize, height: usize, m: &Manifest, word: &
     Error::field(path, "size", what).to_string()
 }
 
-/// Reads one reference picture; absent is `None` without a word, broken is a problem.
+/// Reads one reference picture. A missing one gives `None` silently; a broken one is a problem.
 fn picture(folder: &Path, name: &str, m: &Manifest, found: &mut Inspection) -> Option<Maps> {
     let path = folder.join(name);
     let mut summary = ReferenceSummary { name: name.into(), ..ReferenceSummary::default() };
@@ -187,7 +187,8 @@ fn widen(s: &mut ReferenceSummary, maps: &Maps) {
     s.median = Some(median);
 }
 
-/// (leaf − dark) / (box − dark): must lie in 0 … 1; returns the share of texels that block light, a rough mask.
+/// Checks that (leaf − dark) / (box − dark) lies in 0 … 1. Returns the share of texels that block light, which is a
+/// rough mask.
 fn ratio(name: &str, leaf: &Maps, empty: &Maps, dark: Option<&Maps>, found: &mut Inspection) -> Option<f64> {
     let (mut unlit, mut above, mut blocked, mut all) = (0usize, 0usize, 0usize, 0usize);
     for i in 0..leaf.width * leaf.height {
@@ -227,7 +228,7 @@ fn ratio(name: &str, leaf: &Maps, empty: &Maps, dark: Option<&Maps>, found: &mut
     Some(share(blocked))
 }
 
-/// The mask's size and content, or what stands in for it.
+/// Checks the mask's size and content, or what is used instead of a mask.
 fn mask(folder: &Path, m: &Manifest, leaf_share: Option<f64>, found: &mut Inspection) {
     let path = folder.join("mask.exr");
     let texels = m.width * m.height;

@@ -1,5 +1,5 @@
-//! Space colonisation (Runions et al. 2005): the finest veins grow from the nearest vein towards auxin sources spread
-//! over the lamina, and their tips join into meshes. Lengths in mm.
+//! Space colonisation (Runions et al. 2005). The finest veins grow from the nearest vein towards auxin sources that are
+//! spread over the lamina, and their tips join into meshes. Lengths in mm.
 
 use super::outline::Blade;
 use super::random::Stream;
@@ -8,11 +8,12 @@ use super::veins::{Network, Piece, cell, distance};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-/// Fine veins between those of `network`: auxin sources about half of `tertiary_mm` apart draw veins from the nearest
-/// node until they are reached.
+/// Fine veins between those of `network`. Auxin sources about half of `tertiary_mm` apart attract veins from the
+/// nearest node until they are reached.
 pub(crate) fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
     let spacing = 0.55 * veins.tertiary_mm;
-    // A source closer than `born` to a vein needs none; one is reached when a vein comes within a step.
+    // A source that is closer than `born` to a vein needs no new vein. A source is reached when a vein comes within one
+    // step.
     let (step, born) = (0.2 * spacing, 0.5 * spacing);
     let mut nodes: Vec<[f64; 2]> = Vec::new();
     for order in &network.orders {
@@ -24,7 +25,7 @@ pub(crate) fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u6
             }));
         }
     }
-    // What each source is drawn to: (distance, node).
+    // For each source, the distance to the nearest node and that node.
     let mut sources: Vec<([f64; 2], f64, usize)> =
         scatter(blade, spacing, seed).into_iter().map(|p| (p, f64::MAX, usize::MAX)).collect();
     let mut seen = 0;
@@ -77,7 +78,8 @@ pub(crate) fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u6
     for &p in &parent[first..] {
         children[p] += 1;
     }
-    // Veins thicken with what they feed (pipe model: the squares add up), counted from the tips.
+    // Veins thicken with the number of tips that they feed (pipe model: the squares of the radii add up), counted from
+    // the tips.
     let mut fed = vec![1.0f64; nodes.len()];
     for k in (first..nodes.len()).rev() {
         if parent[k] >= first {
@@ -90,7 +92,7 @@ pub(crate) fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u6
     for k in first..nodes.len() {
         pieces.push(Piece { a: nodes[parent[k]], b: nodes[k], radius: [radius(k), radius(k)] });
     }
-    // Tips that end close to another branch join it.
+    // Tips that end close to another branch join that branch.
     let mut near: HashMap<(i32, i32), Vec<usize>> = HashMap::new();
     for (k, p) in nodes.iter().enumerate() {
         near.entry(cell(*p)).or_default().push(k);
@@ -122,9 +124,9 @@ pub(crate) fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u6
     pieces
 }
 
-/// Points on the blade, one a cell of a jittered grid turned by an angle that belongs to the seed.
+/// Points on the blade: one in each cell of a jittered grid, which is turned by an angle that depends on the seed.
 fn scatter(blade: &Blade, spacing: f64, seed: u64) -> Vec<[f64; 2]> {
-    // A square turned by 45° still covers the blade.
+    // Even when turned by 45°, the square covers the blade.
     let n = (1.5 * blade.reach() / spacing).ceil() as i64;
     let (s, c) = (PI * Stream::new(seed, &[0xa7]).uniform()).sin_cos();
     let mut points = Vec::new();

@@ -1,30 +1,29 @@
-//! What a texel shows under the tube: the radiance it sends to the camera, integrated finely over the tube's visible
-//! surface.
+//! The value of a texel under the tube: the radiance that it sends to the camera, integrated finely over the tube's
+//! visible surface.
 //!
 //! The tube is a cylinder of constant radiance (Lambertian), radius a, length L, axis at height H over the blade,
 //! centred on it; the camera is orthographic. Lengths in mm, directions are unit vectors with z up. Values are
 //! normalised so that a white Lambertian texel facing up shows 1 straight under an infinitely long tube (Gardner et al.
 //! 2003 describe the device; `data/README.md` the units).
 //!
-//! Seen from the texel a direction is (φ, ψ): φ turns in the plane across the tube, ψ along it, dω = cosψ dψ dφ. In the
-//! cross plane the tube fills φ₀ ± asin(a/d); with sin(φ − φ₀) = (a/d) sinτ the limb's square root goes away and
-//! Gauss–Legendre in τ converges fast. Along ψ the diffuse part is integrated in closed form; the lobe by
-//! Gauss–Legendre panels graded around its peak, or, where the lobe lies well inside the tube, by the trapezoidal rule
-//! (exponentially convergent for such bells). Relative accuracy 1e-6 for m ≥ 0.03 (tested against area elements of the
-//! cylinder). Only the name of a
-//! lobe is shared with the fit.
+//! Seen from the texel, a direction is (φ, ψ): φ turns in the plane across the tube and ψ along it, so dω = cosψ dψ dφ.
+//! In the plane across, a tube at distance d fills φ₀ ± asin(a/d). The substitution sin(φ − φ₀) = (a/d) sinτ removes
+//! the square root at the limb, so Gauss–Legendre in τ converges fast. Along ψ the diffuse part is integrated in closed
+//! form. The lobe is integrated by Gauss–Legendre panels graded around its peak, or, where it lies well inside the
+//! tube, by the trapezoidal rule (which converges exponentially for such bells). The relative accuracy is 1e-6 for m ≥
+//! 0.03 (tested against area elements of the cylinder). This code shares only the name of a lobe with the fit.
 
 use super::slab_truth::gauss_legendre;
 use crate::manifest::{Travel, Tube};
 use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
-/// Diffuse and glossy part of a texel's value: value = ρd · diffuse + ρs · gloss.
+/// Diffuse and glossy part of a texel's value, which is ρd · diffuse + ρs · gloss.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Shown {
-    /// What ρd is multiplied by.
+    /// The factor of ρd.
     pub diffuse: f64,
-    /// What ρs is multiplied by.
+    /// The factor of ρs.
     pub gloss: f64,
 }
 
@@ -37,16 +36,16 @@ pub struct Device {
     tube: Tube,
     travel: Travel,
     view: [f64; 3],
-    /// Nodes across the tube, for the diffuse part and broad lobes, and for lobes narrower than [`NARROW`]: (sinτ,
-    /// cosτ, weight·cosτ).
+    /// Nodes across the tube, each (sinτ, cosτ, weight·cosτ): first for the diffuse part and broad lobes, then for
+    /// lobes narrower than [`NARROW`].
     across: [Vec<[f64; 3]>; 2],
     /// Gauss–Legendre nodes of a panel.
     panel: Vec<(f64, f64)>,
 }
 
-/// A direction in the cross plane towards the tube: (sinφ, cosφ), weight Le dφ, and the distance at which the lit
-/// length ends: the axis', by the capture's convention (the surface's own would be nearer by most of a radius, worth
-/// 0.15 % of D for the usual device).
+/// A direction towards the tube in the plane across it: (sinφ, cosφ), the weight Le dφ, and the distance at which the
+/// lit length ends. By the capture's convention that is the axis' distance. The surface itself would be nearer by most
+/// of a radius, which is worth 0.15 % of D for the usual device.
 #[derive(Debug, Clone, Copy)]
 struct Ray {
     sin: f64,
@@ -59,12 +58,12 @@ struct Ray {
 #[derive(Debug, Clone)]
 pub struct Seen {
     rays: [Vec<Ray>; 2],
-    /// Towards the axis: (sinφ₀, cosφ₀), distance and half width in φ.
+    /// The direction to the axis: (sinφ₀, cosφ₀), with distance and half width in φ.
     axis: Ray,
     half_width: f64,
 }
 
-/// How the lobe's exponent changes along the tube; components along travel, tube and up.
+/// The lobe's exponent along the tube; components are along travel, tube and up.
 struct Lobed<'a> {
     lobe: Lobe,
     m: f64,
@@ -119,8 +118,8 @@ impl Device {
         Seen { rays, axis: Ray { sin: sin0, cos: cos0, distance: d, weight: 0.0 }, half_width: (radius / d).asin() }
     }
 
-    /// What a texel shows: `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its
-    /// roughness; without roughness only the diffuse part is computed.
+    /// The value of a texel. `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its
+    /// roughness. Without roughness only the diffuse part is computed.
     pub fn shown(&self, seen: &Seen, along: f64, normal: [f64; 3], m: Option<f64>, lobe: Lobe) -> Shown {
         let (n, v) = (self.turned(normal), self.turned(self.view));
         let facing = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
@@ -168,7 +167,7 @@ impl Lobed<'_> {
     /// ∫ f cosθi L dω per unit ρs.
     fn integral(&self, seen: &Seen, ends: [f64; 2]) -> f64 {
         let (peak, low, width) = self.peak(&seen.axis);
-        // The lobe is cut where it has fallen to e^−50; turning the direction by the tube's half width turns α by at
+        // The lobe is cut where it has fallen to e^−50. Turning the direction by the tube's half width turns α by at
         // most half of it.
         if !matches!(self.lobe, Lobe::Ggx) {
             let nearest = (low.sqrt() - 2.0 * seen.half_width).max(0.0);
@@ -195,7 +194,7 @@ impl Lobed<'_> {
         (2.0 * (1.0 + c * cv + s * sv) / (h * h) - 1.0).max(0.0)
     }
 
-    /// Where along the tube the half vector comes nearest to the normal: ψ, tan²α there, and the lobe's width in ψ.
+    /// Where along the tube the half vector is nearest to the normal: ψ, tan²α there, and the lobe's width in ψ.
     fn peak(&self, ray: &Ray) -> (f64, f64, f64) {
         let (n, v) = (self.normal, self.view);
         let mirror = [0, 1, 2].map(|k| 2.0 * self.facing * n[k] - v[k]);
@@ -214,7 +213,7 @@ impl Lobed<'_> {
         (psi, low, self.m / (0.5 * bend).max(0.05).sqrt())
     }
 
-    /// The parts of the normal and of the view direction that lie in a ray's plane, p and cv of [`Lobed::value`].
+    /// The parts of the normal and of the view direction in a ray's plane: p and cv of [`Lobed::value`].
     fn in_plane(&self, ray: &Ray) -> [f64; 2] {
         [self.normal[0] * ray.sin + self.normal[2] * ray.cos, self.view[0] * ray.sin + self.view[2] * ray.cos]
     }
@@ -242,8 +241,8 @@ impl Lobed<'_> {
         }
     }
 
-    /// Trapezoidal rule over the whole bell, shared ψ nodes for all rays; `None` where the tube's ends or the horizon
-    /// cut it.
+    /// Trapezoidal rule over the whole bell with the same ψ nodes for all rays; `None` where the tube's ends or the
+    /// horizon cut the bell.
     fn trapezoid(&self, seen: &Seen, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> Option<f64> {
         const STEP: f64 = 0.62;
         const REACH: i32 = 9;
@@ -270,11 +269,11 @@ impl Lobed<'_> {
     }
 
     /// Panels from the peak outwards, each wider than the one before, clipped to each ray's lit length. Rays that clip
-    /// a panel alike share its nodes: their sines and cosines are half of the work.
+    /// a panel in the same way share its nodes, because sines and cosines are half of the work.
     fn panels(&self, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> f64 {
         const BELL: [f64; 4] = [0.0, 1.3, 3.0, 7.5];
         const TAILED: [f64; 8] = [0.0, 1.0, 2.5, 6.0, 15.0, 40.0, 100.0, 300.0];
-        // V-cavity masking has kinks: narrower panels.
+        // V-cavity masking has kinks, so the panels are narrower.
         const KINKED: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5];
         let edges: &[f64] = match self.lobe {
             Lobe::Beckmann => &BELL,
@@ -312,7 +311,7 @@ impl Lobed<'_> {
     /// The nodes of a piece of the tube: sinψ, cosψ and weight.
     fn nodes(&self, [lo, hi]: [f64; 2], nodes: &mut Vec<[f64; 3]>) {
         nodes.clear();
-        // Long pieces are split so that the geometry itself is resolved too.
+        // Long pieces are split, so that the geometry itself is resolved as well.
         let parts = ((hi - lo) / 0.5).ceil().max(1.0);
         let step = (hi - lo) / parts;
         for k in 0..parts as usize {

@@ -1,4 +1,4 @@
-//! The scan's integral against area elements of the cylinder (vectors only) and closed forms.
+//! Compares the scan's integral with area elements of the cylinder (computed with vectors only) and with closed forms.
 
 use super::illumination::{Device, Shown};
 use super::slab_truth::gauss_legendre;
@@ -13,7 +13,7 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     v.map(|x| x / l)
 }
 
-/// The same by area elements of the cylinder: ∫ f cosθi Le cosθl dA/r², with vectors only.
+/// The same from area elements of the cylinder: ∫ f cosθi Le cosθl dA/r², computed with vectors only.
 fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3], m: f64, lobe: Lobe) -> Shown {
     let (s, c) = 55f64.to_radians().sin_cos();
     let v = [s, 0.0, c];
@@ -32,7 +32,7 @@ fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3],
         let up = tube.height_mm + tube.radius_mm * cb;
         // The part of this line of the cylinder above the texel's horizon: n·to > 0, linear in y.
         let (nt, nl) = if travel == Travel::X { (n[0], n[1]) } else { (n[1], n[0]) };
-        // The lit length ends under the angle at which the axis' ends are seen (the capture's convention).
+        // The lit length ends at the angle at which the axis' ends are seen (the capture's convention).
         let reach = across.hypot(up) / d;
         let (mut lo, mut hi) = ((-0.5 * tube.length_mm - l) * reach, (0.5 * tube.length_mm - l) * reach);
         let root = -(nt * across + n[2] * up) / nl;
@@ -120,8 +120,8 @@ fn it_is_the_integral_over_the_cylinders_surface() {
     }
 }
 
-/// A white texel straight under an infinite tube shows 1, under 500 mm at 100 mm height .977; and the thin tube's
-/// closed form.
+/// A white texel straight under an infinite tube shows 1, and .977 under one of 500 mm at 100 mm height. The thin tube
+/// agrees with its closed form.
 #[test]
 fn white_is_one() {
     let white = |tube: Tube, position: f64| {

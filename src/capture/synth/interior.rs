@@ -1,5 +1,5 @@
-//! What is inside the leaf, which both sides share, place by place in the front's columns, and what light of each side
-//! makes of it: by the slab ([`slab_truth`](super::slab_truth)) or by layers ([`layers`](super::layers)).
+//! The inside of the leaf, which both sides share, place by place in the front's columns, and what light that falls on
+//! each side shows of it: by the slab ([`slab_truth`](super::slab_truth)) or by layers ([`layers`](super::layers)).
 
 use super::layers::{Foliar, Held};
 use super::leaf::Place;
@@ -31,12 +31,12 @@ pub struct Interior {
     pub thickness: Vec<f32>,
     pub tissue: Tissue,
     front: Lit,
-    /// Where it is not as the front.
+    /// What the back shows, where it differs from the front.
     back: Option<Lit>,
 }
 
 impl Interior {
-    /// `None` where the specification does not state what the model asks for.
+    /// `None` where the specification does not state what the model needs.
     pub fn of(spec: &Spec, model: Model, places: &[Place]) -> Option<Interior> {
         let count = places.iter().filter(|p| p.inside).count() as f64;
         let mean = places.iter().filter(|p| p.inside).map(|p| p.thickness).sum::<f64>() / count;
@@ -60,7 +60,7 @@ fn oblique(spec: &Spec) -> f64 {
     spec.device.lightbox_camera_deg.to_radians().cos()
 }
 
-/// Smallest and largest of what the places on the blade have.
+/// Smallest and largest value over the places on the blade.
 fn range(places: &[Place], value: impl Fn(usize) -> f64) -> [f64; 2] {
     let good = (0..places.len()).filter(|&k| places[k].inside).map(value);
     good.fold([f64::MAX, 0.0], |[a, b], v| [v.min(a), v.max(b)])
@@ -77,7 +77,7 @@ fn slab(spec: &Spec, model: Model, places: &[Place], thickness: Vec<f32>) -> Int
     let oblique = oblique(spec);
     let mut through = if oblique < 1.0 { vec![[0f32; 3]; places.len()] } else { Vec::new() };
     for c in 0..3 {
-        // Maps are single precision: the slab is solved for what they hold.
+        // Maps are in single precision, so the slab is solved for the values that they hold.
         let absorption = range(places, |k| f64::from(sigma_a[k][c]));
         let scattering = f64::from(spec.interior.sigma_s[c] as f32);
         let thick = range(places, |k| f64::from(thickness[k]));
@@ -102,7 +102,7 @@ fn slab(spec: &Spec, model: Model, places: &[Place], thickness: Vec<f32>) -> Int
     Interior { thickness, tissue: Tissue::Slab { sigma_a, sigma_s }, front, back: None }
 }
 
-/// `mean`: the mean of the places' thickness in their own unit.
+/// `mean` is the mean of the places' thickness, in the unit of the places.
 fn layers(spec: &Spec, foliar: &Foliar, places: &[Place], mean: f64, thickness: Vec<f32>) -> Option<Interior> {
     let held: Vec<Held> = places
         .iter()

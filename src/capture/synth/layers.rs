@@ -1,8 +1,8 @@
-//! A leaf made of layers as the truth of a synthetic scan (`docs/foliar.md`): what each place holds of pigments, and
-//! the diffuse reflectance and transmittance that the exact method of `mesophyll_optics::foliar` gives for it.
+//! A leaf made of layers as the truth of a synthetic scan (`docs/foliar.md`): the pigments of each place, and the
+//! diffuse reflectance R and transmittance T that the exact method of `mesophyll_optics::foliar` gives for it.
 //!
-//! R and T depend on the absorption of one crossing of the mesophyll only. So they are tabulated over that, for each
-//! channel, and interpolated: right to 1e-6 from an absorption of .02 to one of 4, and to 3e-5 from 0 to [`DEEPEST`].
+//! R and T depend only on the absorption of one crossing of the mesophyll. So they are tabulated over it for each
+//! channel and interpolated. The error is 1e-6 for absorptions from .02 to 4, and 3e-5 from 0 to [`DEEPEST`].
 
 use super::slab_truth::Axis;
 use crate::{Error, Result, pigments};
@@ -16,16 +16,16 @@ use std::path::PathBuf;
 /// What a leaf holds per area, as the specification names it.
 const CONTENTS: [&str; 5] =
     ["chlorophyll_ug_cm2", "carotenoid_ug_cm2", "protein_ug_cm2", "cellulose_lignin_ug_cm2", "water_g_cm2"];
-/// More of one of them is likelier a typing error than a leaf.
+/// A larger content is more likely a typing error than a leaf.
 const MOST_CONTENT: f64 = 1e5;
-/// More absorption in one crossing of the mesophyll lets nothing through that could be measured.
+/// With more absorption in one crossing of the mesophyll, nothing measurable comes through.
 const DEEPEST: f64 = 20.0;
 
 /// Whether a place that is thicker than others holds more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Per {
-    /// Contents per leaf area do not ask how thick a place is.
+    /// Contents per leaf area do not depend on the thickness of a place.
     #[default]
     Area,
     /// A place that is twice as thick as the mean holds twice as much.
@@ -79,11 +79,11 @@ fn oblateness() -> [f64; 4] {
     [cuticle, epidermis, palisade, spongy]
 }
 
-/// Absorptions of one crossing at which a leaf has to settle: clear, green and black.
+/// Absorptions of one crossing at which the exact method must converge for a leaf: clear, green and black.
 const SETTLES_AT: [f64; 3] = [0.01, 0.3, 3.0];
 
 impl Foliar {
-    /// Reads the table of pigments, and refuses what is no leaf.
+    /// Reads the table of pigments, and refuses numbers that are no leaf.
     ///
     /// # Errors
     /// What is wrong with the specification or with the table, by file and field.
@@ -128,7 +128,7 @@ impl Foliar {
         Ok(())
     }
 
-    /// In the order of [`CONTENTS`].
+    /// The contents in the order of [`CONTENTS`].
     fn per_area(&self) -> [f64; 5] {
         [
             self.chlorophyll_ug_cm2,
@@ -147,14 +147,14 @@ impl Foliar {
         Some(Leaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path: self.path })
     }
 
-    /// What a place holds per area and absorbs. `chlorophyll` and `carotenoid`: relative to the lamina's; `thickness`:
-    /// relative to the mean.
+    /// What a place contains per area and absorbs. `chlorophyll` and `carotenoid` are relative to the lamina's,
+    /// `thickness` is relative to the mean.
     pub(super) fn held(&self, chlorophyll: f64, carotenoid: f64, thickness: f64) -> Held {
         let scale = if self.per == Per::Volume { thickness } else { 1.0 };
         let mut per_area = self.per_area().map(|x| x * scale);
         per_area[0] *= chlorophyll;
         per_area[1] *= carotenoid;
-        // The truth's maps are single precision: the leaf is solved for what they hold.
+        // The truth's maps are in single precision, so the leaf is solved for the values that they hold.
         let [chlorophyll, carotenoid] = [0, 1].map(|k| per_area[k] as f32);
         per_area[0] = f64::from(chlorophyll);
         per_area[1] = f64::from(carotenoid);
@@ -163,8 +163,8 @@ impl Foliar {
         Held { chlorophyll, carotenoid, depth }
     }
 
-    /// R and T of a channel for absorptions of one crossing from `range`; `oblique`: cosine of the light box's camera.
-    /// `None` before [`Foliar::read`], and where the method does not settle.
+    /// R and T of a channel for absorptions of one crossing in `range`. `oblique` is the cosine of the light box's
+    /// camera. `None` before [`Foliar::read`], and where the method does not converge.
     pub(super) fn table(&self, c: usize, oblique: f64, range: [f64; 2]) -> Option<Table> {
         let axis = Axis::new(range.map(bent), NODES);
         let depths: Vec<f64> = axis.nodes.iter().map(|t| BEND * t * t / (1.0 - t * t)).collect();
@@ -184,7 +184,7 @@ pub(super) struct Held {
     pub depth: [f64; 3],
 }
 
-/// Light along the normal of both sides, and at the cosine of the light box's camera.
+/// The lights: for both sides along the normal, and at the cosine of the light box's camera.
 fn lights(oblique: f64) -> [(Side, f64); 4] {
     let [a, b] = [Side::Adaxial, Side::Abaxial];
     [(a, 0.0), (b, 0.0), (a, oblique.acos()), (b, oblique.acos())]
@@ -195,9 +195,9 @@ fn lights(oblique: f64) -> [(Side, f64); 4] {
 pub(super) struct Seen {
     /// Diffuse reflectance of a beam along the normal.
     pub rho_d: f64,
-    /// Transmittance of the same.
+    /// Transmittance of a beam along the normal.
     pub rho_t: f64,
-    /// Transmittance of a beam at the light box's camera.
+    /// Transmittance of a beam at the angle of the light box's camera.
     pub through: f64,
 }
 
@@ -212,8 +212,8 @@ fn seen(prepared: &Prepared, depth: f64, lights: &[(Side, f64); 4]) -> [Seen; 2]
     })
 }
 
-/// Nodes over √(d/(d + [`BEND`])), d being the absorption of one crossing. Slant paths make R and T go like d·ln d near
-/// 0; over the root such functions are smooth enough for polynomials.
+/// Number of nodes over √(d/(d + [`BEND`])), where d is the absorption of one crossing. With slant paths R and T behave
+/// like d·ln d near 0; as functions of the root they are smooth enough for polynomials.
 const NODES: usize = 26;
 const BEND: f64 = 0.4;
 
@@ -232,7 +232,7 @@ impl Table {
         let weights = self.axis.at(bent(depth));
         [0, 1].map(|side| {
             let sum = |of: fn(&Seen) -> f64| weights.iter().zip(&self.values).map(|(w, v)| w * of(&v[side])).sum();
-            // Interpolation may fall below 0 where next to nothing comes through.
+            // Interpolation may give less than 0 where almost nothing comes through.
             let share = |of| f64::max(sum(of), 0.0);
             Seen { rho_d: share(|s| s.rho_d), rho_t: share(|s| s.rho_t), through: share(|s| s.through) }
         })
@@ -261,7 +261,8 @@ mod tests {
         }
     }
 
-    /// Between the nodes, from veins to the deepest green, the table is the method itself, with all light counted.
+    /// Between the nodes, from veins to the deepest green, the table agrees with the method itself, and all light is
+    /// accounted for.
     #[test]
     fn the_table_is_the_exact_method() {
         for path in [Path::Sieve, Path::Slant] {

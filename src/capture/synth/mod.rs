@@ -1,9 +1,9 @@
 //! Synthetic leaves and their scans: a specification grows into maps (the truth), and a linear light source device
 //! scans them.
 //!
-//! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is
-//! integrated finely ([`illumination`]); neither calls anything the fit uses. A leaf may also be made of layers
-//! ([`layers`]), which is another model than the one that is fitted.
+//! Truth and fit are different code. The slab is solved by doubling ([`slab_truth`]) and the light under the tube is
+//! integrated finely ([`illumination`]); neither uses any code of the fit. A leaf may also be made of layers
+//! ([`layers`]), which is a different model from the fitted one.
 
 mod colonise;
 pub mod illumination;

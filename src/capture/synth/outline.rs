@@ -3,22 +3,22 @@
 use super::random::{Stream, noise};
 use super::spec::{Margin, Outline};
 
-/// A closed contour and the frame that belongs to it.
+/// A closed contour and its coordinate frame.
 #[derive(Debug, Clone)]
 pub struct Blade {
-    /// Counter-clockwise or clockwise, not repeated at the end.
+    /// The contour, in either direction; the first point is not repeated at the end.
     contour: Vec<[f64; 2]>,
     /// Where the petiole meets the blade.
     pub base: [f64; 2],
     outline: Outline,
-    /// Half widths left and right of the midrib against the angle θ of t = (1 − cosθ)/2, or radii against the angle in
-    /// degrees. In θ an elliptic end is smooth.
+    /// Half widths left and right of the midrib over the angle θ with t = (1 − cosθ)/2, or radii over the angle in
+    /// degrees. As a function of θ an elliptic end is smooth.
     curves: [Curve; 2],
     petiole: Option<[[f64; 2]; 2]>,
     bands: Bands,
 }
 
-/// The contour's edges by height, so that a point is asked only of the edges that pass its height.
+/// The contour's edges by height, so that a point is tested only against the edges that pass its height.
 #[derive(Debug, Clone, Default)]
 struct Bands {
     low: f64,
@@ -43,7 +43,7 @@ impl Bands {
         bands
     }
 
-    /// Rises with y: an edge that passes a height touches that height's band.
+    /// The index grows with y: an edge that passes a height touches that height's band.
     fn index(&self, y: f64) -> usize {
         (((y - self.low) * self.per_mm).max(0.0) as usize).min(Bands::COUNT - 1)
     }
@@ -63,7 +63,7 @@ struct Curve {
 }
 
 impl Curve {
-    /// Abscissae must rise; at least three points.
+    /// A curve through at least three points with rising abscissae.
     fn through(points: impl IntoIterator<Item = (f64, f64)>) -> Curve {
         let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
         let n = x.len();
@@ -92,7 +92,7 @@ impl Curve {
     }
 }
 
-/// Where the petiole must meet a round blade for the blade to lie centred.
+/// Where the petiole must meet a round blade so that the blade is centred.
 fn centring(radius: &Curve) -> [f64; 2] {
     let (mut lo, mut hi) = ([0.0f64; 2], [0.0f64; 2]);
     for k in -180..=180 {
@@ -135,7 +135,7 @@ impl Blade {
         blade.bands = Bands::of(&blade.contour);
         if outline.petiole_mm > 0.0 {
             let [x, y] = blade.base;
-            // It enters a little way, so that no gap opens between petiole and blade.
+            // The petiole enters the blade a little, so that no gap opens between them.
             blade.petiole =
                 Some([[x + 0.5, y], [x - outline.petiole_mm - outline.polar.first().map_or(0.0, |p| p[1]), y]]);
         }
@@ -156,7 +156,7 @@ impl Blade {
                 })
                 .collect();
         }
-        // Close to the ends the margin turns fast: sample in an angle.
+        // Close to the ends the margin turns fast, so the samples are even in an angle.
         let t = |k: usize| 0.5 - 0.5 * (std::f64::consts::PI * k as f64 / steps as f64).cos();
         let left = (0..=steps).map(|k| self.place(t(k), self.half_width(t(k), true)));
         let right = (1..steps).rev().map(|k| self.place(t(k), -self.half_width(t(k), false)));
@@ -196,8 +196,8 @@ impl Blade {
         inside
     }
 
-    /// Which of the points at heights `y`, abscissae `x` (rising) lie on the blade or its petiole: one crossing search
-    /// a row.
+    /// Which of the points at height `y` and abscissae `x` (rising) lie on the blade or its petiole. A row needs only
+    /// one search for crossings.
     pub fn row(&self, y: f64, x: &[f64]) -> Vec<bool> {
         let n = self.contour.len();
         let mut crossings: Vec<f64> = (0..n)
@@ -210,7 +210,7 @@ impl Blade {
         x.iter().map(|&x| crossings.partition_point(|&c| c < x) % 2 == 1 || self.on_petiole([x, y])).collect()
     }
 
-    /// Distance to the petiole's axis is within its half width, which widens towards both ends.
+    /// Whether the distance to the petiole's axis is within its half width, which widens towards both ends.
     fn on_petiole(&self, p: [f64; 2]) -> bool {
         let Some([a, b]) = self.petiole else { return false };
         let u = (p[0] - b[0]) / (a[0] - b[0]);
@@ -245,7 +245,7 @@ fn toothed(smooth: &[[f64; 2]], margin: &Margin, base: [f64; 2], seed: u64) -> V
             let (before, after) = (smooth[(k + n - 1) % n], smooth[(k + 1) % n]);
             let tangent = [after[0] - before[0], after[1] - before[1]];
             let size = tangent[0].hypot(tangent[1]).max(1e-12);
-            // Left half runs towards the tip; on the right half the tip lies behind.
+            // The left half runs towards the tip; on the right half the tip lies behind.
             let forward = if k < n / 2 { 1.0 } else { -1.0 };
             let t = [forward * tangent[0] / size, forward * tangent[1] / size];
             let outward = [-tangent[1] / size, tangent[0] / size];

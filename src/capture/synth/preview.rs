@@ -1,5 +1,5 @@
-//! One picture a side to look at what was grown: lit leaf, diffuse reflectance, transmittance; normals, thickness,
-//! roughness. For eyes only; the truth is in the EXR files beside it.
+//! One picture of each side to look at: lit leaf, diffuse reflectance and transmittance; normals, thickness and
+//! roughness. It is only for viewing; the truth is in the EXR files beside it.
 
 use super::leaf::{GrownSide, Leaf};
 use crate::Result;
@@ -56,12 +56,13 @@ pub fn write(capture: &Path, leaf: &Leaf, side: Side) -> Result<()> {
     write_png(&path, 3 * w, 2 * h, &pixels)
 }
 
-/// Undoes the sRGB curve, roughly, for tiles that show numbers and not light.
+/// Undoes the sRGB curve roughly, for tiles that show numbers instead of light.
 fn linear(v: f32) -> f32 {
     v.clamp(0.0, 1.0).powf(2.2)
 }
 
-/// A lamp from the upper left and a soft sky; Beckmann gloss (Wang et al. 2005 Eq. 7) towards a camera straight above.
+/// Light from a lamp at the upper left and a soft sky, with Beckmann gloss (Wang et al. 2005 Eq. 7), towards a camera
+/// straight above.
 fn lit(side: &GrownSide, k: usize) -> [f32; 3] {
     let n = side.normal[k];
     let lamps: [([f32; 3], f32); 2] = [([-0.42, 0.5, 0.757], 0.9), ([0.12, 0.16, 0.98], 0.12)];

@@ -1,6 +1,6 @@
-//! Random numbers that depend on a seed and a place only, never on the order in which threads ask: hashed counters,
-//! Gaussian deviates, and smooth noise over the plane. Kept here, not taken from a crate, so that the bytes of a
-//! capture outlive crate versions.
+//! Random numbers that depend only on a seed and a place, never on the order in which threads ask: hashed counters,
+//! Gaussian deviates, and smooth noise over the plane. The code is kept here and not taken from a crate, so that the
+//! bytes of a capture do not change with crate versions.
 
 /// A stream of 64-bit numbers (SplitMix64; Steele, Lea & Flood 2014).
 #[derive(Debug, Clone)]
@@ -71,8 +71,8 @@ fn gradient_noise(seed: u64, p: [f64; 2]) -> f64 {
     lerp(lerp(corner(0.0, 0.0), corner(1.0, 0.0), u), lerp(corner(0.0, 1.0), corner(1.0, 1.0), u), v)
 }
 
-/// Distance to the border between the two nearest of one jittered point a cell (cells of size `length`), in units of
-/// `length`.
+/// Jittered points lie one in each cell of size `length`. This is the distance to the border between the two nearest
+/// points, in units of `length`.
 pub fn mesh(seed: u64, p: [f64; 2], length: f64) -> f64 {
     let q = [p[0] / length, p[1] / length];
     let (i, j) = (q[0].floor(), q[1].floor());

@@ -1,6 +1,6 @@
-//! The scan: frames of the moving tube for both sides and both passes, white sheet, dark, light box, mask and truth,
-//! written frame by frame so that a full-size capture is never held in memory. `capture.toml` comes last: a folder
-//! without it is no capture yet.
+//! The scan: frames of the moving tube for both sides and both passes, white sheet, dark frame, light box, mask and
+//! truth. They are written frame by frame, so that a full-size capture is never held in memory. `capture.toml` comes
+//! last: a folder without it is not yet a capture.
 
 use super::illumination::Device;
 use super::leaf::{GrownSide, Leaf};
@@ -35,7 +35,7 @@ pub struct Options {
     pub seed: u64,
     /// Whether σa varies over the leaf.
     pub model: Model,
-    /// Keeps the three exposures of every frame beside the merged one.
+    /// Keeps the three exposures of every frame in addition to the merged one.
     pub raw_exposures: bool,
 }
 
@@ -121,7 +121,8 @@ fn manifest_of(spec: &Spec, leaf: &Leaf, options: &Options) -> Manifest {
     }
 }
 
-/// A quarter of the leaf's frames, but not so small that interpolating the vignette between its texels would show.
+/// A quarter of the leaf's frames in each direction, but not so small that interpolating the vignette between its
+/// texels would show.
 fn white_size(width: usize, height: usize) -> (usize, usize) {
     ((width / 4).max(width.min(180)), (height / 4).max(height.min(135)))
 }
@@ -139,7 +140,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// Sensitivity at a place of the field (mm), a channel: falls off quadratically towards the corners.
+/// Sensitivity at a place of the field (mm), a channel each. It falls off quadratically towards the corners.
 pub fn gain(spec: &Spec, p: [f64; 2]) -> [f64; 3] {
     let half = spec.field_mm.map(|f| 0.5 * f);
     let r2 = ((p[0] / half[0]).powi(2) + (p[1] / half[1]).powi(2)) * 0.5;
@@ -161,7 +162,7 @@ impl Camera<'_> {
         let leaf = view.leaf;
         let (w, h, dark) = (leaf.width, leaf.height, self.spec.device.dark);
         let across = |i: usize, j: usize| texel_position(w, h, leaf.texel_mm, i, j);
-        // What the tube looks like depends on the place along its travel only: a column (pass x) or a row (pass y).
+        // What the tube looks like depends only on the place along its travel: a column (pass x) or a row (pass y).
         let columns: Vec<_> = match travel {
             Travel::X => (0..w).map(|i| tube.seen(position, across(i, 0)[0])).collect(),
             Travel::Y => (0..h).map(|j| tube.seen(position, across(0, j)[1])).collect(),
@@ -215,7 +216,7 @@ impl Camera<'_> {
         (0..leaf.width * leaf.height)
             .map(|k| {
                 let [x, y] = texel_position(leaf.width, leaf.height, leaf.texel_mm, k % leaf.width, k / leaf.width);
-                // No light box is even: a little brighter to one side.
+                // No light box is even: this one is a little brighter to one side.
                 let level = BOX_LEVEL * (1.0 + 0.04 * x / field[0] - 0.03 * (y / field[1]).powi(2));
                 let through = match on_it {
                     Some(view) if view.mask[k] => view.side.through[k].map(f64::from),
@@ -228,11 +229,12 @@ impl Camera<'_> {
     }
 }
 
-/// Texels of a mirror frame across the strip, where nothing changes.
+/// Number of texels of a mirror frame across the strip, along which nothing changes.
 const STRIP: usize = 4;
 
-/// A level mirror in the blade's plane, a strip along the travel: where the tube's reflection stands, and nothing else.
-/// Shown through a filter, for a mirror shows the tube itself, H/a times as bright as white paper; here the tube is 1.
+/// A level mirror in the blade's plane, a strip along the travel. It shows only where the tube's reflection is. It is
+/// seen through a filter, because a mirror shows the tube itself, H/a times as bright as white paper; here the tube has
+/// the value 1.
 fn mirror(
     manifest: &Manifest,
     travel: Travel,
@@ -242,8 +244,8 @@ fn mirror(
 ) -> (Vec<[f64; 3]>, (usize, usize)) {
     let (sin, cos) = manifest.camera_deg.to_radians().sin_cos();
     let (tube, field) = (manifest.tube, [manifest.width, manifest.height].map(|n| n as f64 * manifest.texel_mm));
-    // The camera's ray turned back by the mirror, (−sin, 0, cos), meets the tube where it passes the axis at less than
-    // its radius: in pass x around position + H tan(camera), in pass y around the position itself.
+    // The camera's ray, reflected by the mirror to (−sin, 0, cos), meets the tube where it passes the axis at less than
+    // the tube's radius: around position + H tan(camera) in pass x, and around the position itself in pass y.
     let (size, count, length, centre, half) = match travel {
         Travel::X => ((white.0, STRIP), white.0, field[0], position + tube.height_mm * sin / cos, tube.radius_mm / cos),
         Travel::Y => ((STRIP, white.1), white.1, field[1], position, tube.radius_mm),
@@ -276,7 +278,7 @@ fn references(
         stop_if_asked(folder)?;
         write_frame(&name, image, size, sensor, camera.seed, place, None)
     };
-    // The sheet covers exactly the leaf's field; its texels are wider.
+    // The sheet covers exactly the leaf's field, so its texels are wider.
     let texel = [leaf.texel_mm * size.0 as f64 / white.0 as f64, leaf.texel_mm * size.1 as f64 / white.1 as f64];
     for (p, pass) in manifest.passes.iter().enumerate() {
         let tube = Device::new(manifest.tube, pass.name, manifest.camera_deg);

@@ -1,5 +1,5 @@
-//! The camera's sensor: seeded noise, three 16-bit exposures each eight times longer than the next, saturation, and
-//! their merging. Values are in the units of a capture (1 = white texel under an infinite tube).
+//! The camera's sensor: seeded noise, three 16-bit exposures, each eight times longer than the next, saturation, and
+//! the merging of the exposures. Values are in the units of a capture (1 = white texel under an infinite tube).
 
 use super::random::Stream;
 
@@ -12,7 +12,7 @@ pub(crate) const EXPOSURES: usize = 3;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Sensor {
-    /// Standard deviation relative to the value; 0 switches the floor and the counting off too.
+    /// Standard deviation relative to the value. 0 also switches off the floor and the counting.
     pub relative: f64,
     pub floor: f64,
     /// Value at which the shortest exposure saturates.
@@ -20,7 +20,7 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Value at which exposure `e` saturates; 0 is the longest.
+    /// Value at which exposure `e` saturates; exposure 0 is the longest.
     pub fn saturation(&self, e: usize) -> f64 {
         self.full_scale / STEP.powi((EXPOSURES - 1 - e) as i32)
     }
@@ -30,8 +30,8 @@ impl Sensor {
         (value / self.saturation(e) * f64::from(SATURATED)).round().clamp(0.0, f64::from(SATURATED)) as u16
     }
 
-    /// What the merged frame holds for a value that already carries its noise: the longest exposure that is not
-    /// saturated, NaN where all are. Without noise the value itself, unless it saturates everywhere.
+    /// The merged frame's value for a value that already carries its noise: the longest exposure that is not saturated,
+    /// NaN where all are. Without noise it is the value itself, unless it saturates everywhere.
     pub fn merged(&self, value: f64) -> f32 {
         if self.relative == 0.0 {
             return if value < self.full_scale { value as f32 } else { f32::NAN };
@@ -74,7 +74,7 @@ mod tests {
         for value in [0.0, 0.03, 0.7, 5.0, 90.0] {
             let n = 40_000;
             let mut row = vec![value; n];
-            // A dark level keeps noise around zero from being cut off by the counts.
+            // A dark level prevents noise around zero from being cut off by the counts.
             row.iter_mut().for_each(|v| *v += 0.01);
             SENSOR.disturb(&mut row, Stream::new(1, &[value.to_bits()]));
             let merged: Vec<f64> = row.iter().map(|&v| f64::from(SENSOR.merged(v))).collect();

@@ -39,7 +39,7 @@ pub struct Spec {
     pub model: Model,
     /// Seed of everything that is grown by chance.
     pub seed: u64,
-    /// Size of the scanned field (mm); the blade lies centred in it, its midrib along x.
+    /// Size of the scanned field (mm). The blade is centred in it, with its midrib along x.
     pub field_mm: [f64; 2],
     /// Mean thickness h (mm).
     pub thickness_mm: f64,
@@ -140,9 +140,9 @@ pub struct Veins {
     pub kind: Venation,
     /// Secondaries on each side of the midrib; primaries on each side for `parallel`; primaries in all for `palmate`.
     pub count: usize,
-    /// Angle between a secondary and what it leaves.
+    /// Angle between a secondary and the vein that it leaves.
     pub angle_deg: f64,
-    /// How much secondaries turn towards the tip: 0 straight to the margin, 1 along the margin at their end.
+    /// How much secondaries turn towards the tip: 0 runs straight to the margin, 1 ends along the margin.
     pub arch: f64,
     /// Irregularity of spacing and angle, 0 to 1.
     #[serde(default)]
@@ -160,13 +160,13 @@ pub struct Veins {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Relief {
-    /// Depth of primary, secondary and tertiary veins on the front.
+    /// Depth of primary, secondary and tertiary veins below the front.
     pub sunk_mm: [f64; 3],
-    /// Height of the same on the back.
+    /// Height of the same veins above the back.
     pub raised_mm: [f64; 3],
-    /// How far the lamina stands up between secondaries, and between tertiaries.
+    /// How far the lamina bulges between secondaries, and between tertiaries.
     pub bulge_mm: [f64; 2],
-    /// Distance from the vein over which it does.
+    /// Distance from the vein over which the lamina rises.
     pub bulge_width_mm: [f64; 2],
     /// Slope of the blade's halves up from the midrib.
     #[serde(default)]
@@ -303,7 +303,7 @@ impl Spec {
         Ok(spec)
     }
 
-    /// The model that is asked for, or else the specification's.
+    /// The model that is asked for; otherwise the specification's own.
     ///
     /// # Errors
     /// [`Error::Input`] where the specification at `path` does not state what that model needs.

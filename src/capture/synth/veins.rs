@@ -1,6 +1,6 @@
-//! A vein network that is grown, not drawn: primaries from the outline, curved secondaries from the primaries,
-//! tertiaries cross-veins and by space colonisation (Runions et al. 2005: veins grow towards auxin sources spread over
-//! the lamina), their tips joined into meshes. Lengths in mm.
+//! A vein network that is grown, not drawn. Primaries come from the outline, curved secondaries from the primaries.
+//! Tertiaries are cross-veins and veins grown by space colonisation (Runions et al. 2005: veins grow towards auxin
+//! sources spread over the lamina), whose tips join into meshes. Lengths in mm.
 
 use super::colonise::colonise;
 use super::outline::Blade;
@@ -22,7 +22,7 @@ pub struct Network {
     pub orders: [Pieces; 3],
 }
 
-/// Pieces with a grid to find those near a point.
+/// Pieces of veins, with a grid to find those near a point.
 #[derive(Debug, Clone, Default)]
 pub struct Pieces {
     list: Vec<Piece>,
@@ -76,7 +76,7 @@ impl Pieces {
         &self.list
     }
 
-    /// Distance to the nearest piece and the vein's radius there; `None` beyond `reach`.
+    /// Distance to the nearest piece, and the vein's radius there; `None` where no piece is within `reach`.
     pub fn nearest(&self, p: [f64; 2], reach: f64) -> Option<(f64, f64)> {
         let (i, j) = cell(p);
         let mut best: Option<(f64, f64)> = None;
@@ -187,11 +187,11 @@ fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: 
         Venation::Pinnate => {
             for side in [1.0, -1.0] {
                 for k in 0..veins.count {
-                    // Closer together towards base and tip; the two sides are not quite opposite.
+                    // Secondaries are closer together towards base and tip, and the two sides are not exactly opposite.
                     let u =
                         (k as f64 + 0.5 + 0.25 * side * veins.jitter + 0.4 * jitter(k, side, 0)) / veins.count as f64;
                     let t0 = 0.02 + 0.95 * u * (1.0 - 0.12 * (1.0 - u));
-                    // Wider at the base, where lobes beside the petiole want veins too.
+                    // The angle is wider at the base, where lobes beside the petiole need veins, too.
                     let angle = veins.angle_deg
                         * (1.08 - 0.25 * u + 0.55 * (-u * 9.0).exp())
                         * (1.0 + 0.1 * jitter(k, side, 1));
@@ -275,13 +275,12 @@ fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, 
     line
 }
 
-/// Cross-veins: from each secondary across the lamina until another vein is met, as rungs between the sides of a
-/// ladder.
+/// Cross-veins run from each secondary across the lamina until they meet another vein, like the rungs of a ladder.
 fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pieces {
     let mut grown = Pieces::new(blade.reach());
     let radius = 0.5 * veins.width_mm[2];
     let pitch = |k: u64| veins.tertiary_mm * (1.0 + 0.35 * Stream::new(seed, &[0xc055, k]).signed());
-    // Primaries that fan out have lamina between them that no secondary crosses.
+    // Between primaries that fan out there is lamina that no secondary crosses.
     let parents = if veins.kind == Venation::Palmate { 0..2 } else { 1..2 };
     let mut count = 0u64;
     for order in parents {
@@ -296,7 +295,7 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
             count += 1;
             let mut s = Stream::new(seed, &[0xc0, count, order as u64]);
             let along = (piece.b[1] - piece.a[1]).atan2(piece.b[0] - piece.a[0]);
-            // On the side that faces the tip; on the midribs of a fan on both sides by turns.
+            // On the side that faces the tip; on the midribs of a fan, on both sides in turn.
             let side = if (order == 0 && count.is_multiple_of(2)) || along > 0.0 { -1.0 } else { 1.0 };
             let heading = along + side * (PI / 2.0 - 0.15 + 0.2 * s.signed());
             let (mut p, mut line) = (piece.b, vec![piece.b]);

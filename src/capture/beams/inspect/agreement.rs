@@ -1,16 +1,16 @@
-//! Whether the photographs show one leaf the same way round: outline and veins of each, brought to the front's columns,
-//! against the first one's. A photograph taken from the lit side, or whose `lit` is the other side, agrees better when
-//! it is mirrored.
+//! Whether all photographs show the leaf the same way round. The outline and the veins of each, brought to the front's
+//! columns, are compared with those of the first one. A photograph that was taken from the lit side, or whose `lit`
+//! names the wrong side, agrees better when it is mirrored.
 
 use crate::beams::manifest::Beam;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
 
-/// How much better (of a correlation) the mirror image has to agree, and how well at least.
+/// By how much (of a correlation) the mirror image must agree better, and how well it must agree at least.
 const BETTER: f64 = 0.1;
 const WELL: f64 = 0.3;
 
-/// What was seen so far, in the front's columns.
+/// What the photographs so far have shown, in the front's columns.
 pub struct Views {
     width: usize,
     leaf: Vec<bool>,
@@ -31,7 +31,7 @@ impl Views {
             seen = mirror(&seen, self.width);
         }
         self.leaf.iter_mut().zip(&seen).for_each(|(on, v)| *on |= v.is_finite());
-        // A slope or stray light counts no more than twice what is usual; nothing read is dark.
+        // A slope or stray light counts at most twice the median. A missing reading counts as dark.
         let level = |v: f64| if v.is_finite() { (v / median.max(1e-12)).clamp(0.0, 2.0) } else { 0.0 };
         let seen: Vec<f64> = seen.into_iter().map(level).collect();
         let Some((other, first)) = &self.first else {
@@ -57,13 +57,13 @@ impl Views {
         self.leaf.clone()
     }
 
-    /// A sentence on every photograph that is the wrong way round.
+    /// One sentence for every photograph that is the wrong way round.
     pub fn mirrored(self) -> Vec<String> {
         self.mirrored
     }
 }
 
-/// Pearson's, of two maps; 0 where either is flat.
+/// Pearson's correlation of two maps; 0 where either is constant.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;

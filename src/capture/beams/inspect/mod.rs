@@ -1,6 +1,6 @@
-//! A first look at photographs under beams: what is wrong with the files, all of it, and then what they hold: lights,
-//! exposure, noise, the outline's place in the picture, and whether the photographs agree with each other about side
-//! and scale. Nothing is fitted.
+//! A first look at photographs under beams. It lists everything that is wrong with the files, and then what they hold:
+//! lights, exposure, noise, the outline's place in the picture, and whether the photographs agree with each other about
+//! side and scale. Nothing is fitted.
 
 mod agreement;
 mod photograph;
@@ -15,29 +15,29 @@ use std::path::Path;
 
 pub use photograph::Photograph;
 
-/// What a look at a capture found.
+/// The result of a first look at a capture.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Inspection {
     /// The capture's folder.
     pub folder: String,
     /// What its field `kind` says: `beams`.
     pub kind: &'static str,
-    /// As `capture.toml` says; absent when it cannot be read.
+    /// The contents of `capture.toml`; absent when it cannot be read.
     pub manifest: Option<Manifest>,
-    /// Why it cannot be fitted; empty when it can.
+    /// Why the capture cannot be fitted; empty when it can.
     pub problems: Vec<String>,
     /// What can be fitted but deserves a look.
     pub warnings: Vec<String>,
-    /// What follows from what is there and what is absent.
+    /// Consequences of what the capture holds and of what it lacks.
     pub notes: Vec<String>,
-    /// Those that can be read, in the manifest's order.
+    /// The photographs that can be read, in the manifest's order.
     pub photographs: Vec<Photograph>,
     /// Width and height of the picture on the blade (mm).
     pub field_mm: Option<[f64; 2]>,
     /// Texels with a reading in some photograph.
     pub leaf_texels: Option<usize>,
-    /// Noise seen over noise stated, at the photographs' medians; an upper bound, for fine texture counts as noise.
-    /// Absent where either is unknown.
+    /// Noise seen divided by the noise stated, at the photographs' medians. It is an upper bound, because fine texture
+    /// counts as noise. Absent where either is unknown.
     pub noise_seen_over_stated: Option<f64>,
 }
 
@@ -48,9 +48,10 @@ impl Inspection {
     }
 }
 
-/// Beams lower than this (degrees) say little: what they send through is spread as along the normal.
+/// Beams lower than this (degrees) tell little, because their light is taken to spread like that of a beam along the
+/// normal.
 const LOW_BEAM: f64 = 30.0;
-/// Texels from here on (mm) are coarser than most leaves are thick.
+/// Texels of this size (mm) or larger are coarser than most leaves are thick.
 const COARSE: f64 = 0.2;
 
 /// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
@@ -93,7 +94,7 @@ pub fn inspect(folder: &Path) -> Inspection {
     found
 }
 
-/// What the beams' directions tell, by themselves and with how bright the photographs are.
+/// What the directions of the beams tell, alone and together with the brightness of the photographs.
 fn lights(beams: &[Beam], found: &mut Inspection) {
     for (k, b) in beams.iter().enumerate() {
         let number = k + 1;
@@ -117,7 +118,7 @@ fn lights(beams: &[Beam], found: &mut Inspection) {
             }
         }
     }
-    // Of the light that falls in, less comes through of a slanting beam than of a steep one.
+    // A smaller share of the light comes through of a slanting beam than of a steep one.
     let share = |p: &Photograph| p.median / p.elevation_deg.to_radians().sin();
     for side in [Side::Front, Side::Back] {
         let mut lit: Vec<&Photograph> =
@@ -140,7 +141,7 @@ fn lights(beams: &[Beam], found: &mut Inspection) {
     }
 }
 
-/// What follows from the noise that is stated, or that is not, beside the noise that is seen.
+/// Compares the stated noise, if any, with the noise that is seen.
 fn noise(m: &Manifest, found: &mut Inspection) {
     let given = [m.noise_relative, m.noise_floor];
     let stated = given.iter().any(Option::is_some).then(|| given.map(|v| v.unwrap_or(0.0)));
@@ -163,7 +164,7 @@ fn noise(m: &Manifest, found: &mut Inspection) {
     }
     let ratio = median(&mut each);
     found.noise_seen_over_stated = Some(ratio);
-    // An upper bound: only too little can be told from it.
+    // The noise seen is an upper bound, so it can only show that the stated noise is too large.
     if ratio < 0.67 {
         found.warnings.push(format!(
             "the noise seen is {ratio:.2} times the stated one at most: errors will be called larger than they are"
@@ -171,7 +172,7 @@ fn noise(m: &Manifest, found: &mut Inspection) {
     }
 }
 
-/// What the manifest, the outline and the absence of files imply.
+/// Consequences of the manifest, of the outline, and of missing files.
 fn consequences(folder: &Path, m: &Manifest, leaf: &[bool], found: &mut Inspection) {
     let (w, h) = (m.width, m.height);
     let borders = [

@@ -1,4 +1,4 @@
-//! One photograph: how bright, how noisy, clipped or not, and how much of the leaf it shows.
+//! One photograph: its brightness, its noise, whether it is clipped, and how much of the leaf it shows.
 
 use crate::beams::manifest::Beam;
 use crate::dome::noise::{deviation, quantile};
@@ -25,12 +25,12 @@ pub struct Photograph {
     pub high: f64,
     /// Median of each channel (R G B).
     pub colour: [f64; 3],
-    /// Standard deviation of the noise seen, a channel; an upper bound, for fine texture counts. `None` where too
-    /// little of the leaf is seen.
+    /// Standard deviation of the noise seen, a channel each. It is an upper bound, because fine texture counts as
+    /// noise. `None` where too little of the leaf is seen.
     pub noise: [Option<f64>; 3],
     /// Texels with a number in every channel.
     pub read: usize,
-    /// Of the texels that any photograph reads: without a number in some channel of this one.
+    /// Of the texels that any photograph reads: the share without a number in some channel of this one.
     pub no_reading_share: f64,
     /// Share of the readings below 0.
     pub negative_share: f64,
@@ -40,13 +40,13 @@ pub struct Photograph {
     pub at_the_top: usize,
 }
 
-/// Readings of one value that are no chance any more: more than so many, and more than this share.
+/// Readings of one value are no chance if there are more than this many, and more than this share.
 const CLIPPED: (usize, f64) = (8, 1e-3);
 /// Shares above which a warning is due.
 const FEW: f64 = 0.01;
 /// Noise of a reading over the median that leaves little to fit.
 const NOISY: f64 = 0.5;
-/// Readings below zero are no chance any more from so many standard deviations on.
+/// Readings below zero are no chance if they are this many standard deviations below.
 const BELOW: f64 = 4.0;
 
 impl Photograph {
@@ -81,7 +81,7 @@ impl Photograph {
         }
     }
 
-    /// What its readings alone give reason to look at.
+    /// Warnings that follow from the readings alone.
     pub fn warnings(&self, warnings: &mut Vec<String>) {
         let mut warn = |text: String| warnings.push(format!("{}: {text}", self.file));
         let readings = 3 * self.read;
@@ -100,7 +100,8 @@ impl Photograph {
         }
     }
 
-    /// What the noise gives reason to look at: `stated` as relative and floor, or as seen.
+    /// Warnings that follow from the noise; `stated` holds the relative part and the floor, otherwise the noise seen is
+    /// used.
     pub(crate) fn doubts(&self, stated: Option<[f64; 2]>, warnings: &mut Vec<String>) {
         let mut warn = |text: String| warnings.push(format!("{}: {text}", self.file));
         let sd = |c: usize| match stated {
@@ -115,7 +116,7 @@ impl Photograph {
                 ));
             }
         }
-        // Where the noise is not stated, the darkest channel's tells what chance does.
+        // Where the noise is not stated, that of the darkest channel shows what chance does.
         let floor = stated.map(|s| s[1]).or(self.noise.iter().flatten().copied().reduce(f64::min)).unwrap_or(0.0);
         if self.negative_share > FEW && self.low < -BELOW * floor {
             let share = 100.0 * self.negative_share;
@@ -126,7 +127,7 @@ impl Photograph {
         }
     }
 
-    /// Says what share of the leaf's `texels` it misses.
+    /// Records and reports the share of the leaf's `texels` that the photograph misses.
     pub fn miss(&mut self, texels: usize, warnings: &mut Vec<String>) {
         self.no_reading_share = 1.0 - self.read as f64 / texels.max(1) as f64;
         if self.no_reading_share > FEW {

@@ -1,11 +1,12 @@
-//! Two height scans become one thickness. Lengths in mm, widths of smoothing in texels.
+//! Turns two height scans into one thickness. Lengths in mm, widths of smoothing in texels.
 //!
-//! With heights towards each camera, front + back (mirrored) = thickness + a plane: each scan has a zero and a lean of
-//! its own. The lean is that of the lamina (a robust plane through the sum: veins stand out of it and are weighed
-//! down), so **a thickness that grows evenly over the whole leaf cannot be seen and is taken off with it**. The zero
-//! follows from the thickest place, measured by caliper (Habel 2009, §3.3.2), whose contact the scans are averaged over
-//! as the tissue is under it. The highest of many noisy values is too high: the noise that is left is doubled twice by
-//! adding more of it, and from what that raises the highest value by follows what the map's own noise did.
+//! With heights towards each camera, front + back (mirrored) = thickness + a plane, because each scan has its own zero
+//! and its own lean. The lean is found as that of the lamina: a robust plane through the sum, in which veins have
+//! little weight because they stand out. So **a thickness that grows evenly over the whole leaf cannot be seen and is
+//! subtracted with the lean**. The zero follows from the thickest place, which is measured by caliper (Habel 2009,
+//! §3.3.2); the scans are averaged over the caliper's contact, as the tissue under it is. The highest of many noisy
+//! values is too high. To correct this, more noise is added so that it doubles, and doubles again. The rise of the
+//! highest value tells how much the map's own noise had raised it.
 
 use super::noise::{deviation, median};
 use super::smooth::{Kernel, pass, smooth};
@@ -14,25 +15,25 @@ use serde::Serialize;
 
 /// Widths of smoothing that are tried (texels).
 const WIDTHS: [f64; 12] = [0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.6, 3.0];
-/// Draws of added noise.
+/// How many times noise is drawn.
 const TRIALS: u64 = 8;
 
-/// How the scans lie to each other, and what was done about noise.
+/// How the scans lie relative to each other, and how noise was treated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Alignment {
-    /// Lean of the sum of both scans along x and y (mm per mm) that was taken off.
+    /// Lean of the sum of both scans along x and y (mm per mm), which was subtracted.
     pub tilt: [f64; 2],
-    /// How far the back's scan lies beside the front's (mm along x and y of the front); not corrected.
+    /// How far the back's scan is displaced from the front's (mm along x and y of the front). It is not corrected.
     pub shift_mm: [f64; 2],
     pub shift_err_mm: [f64; 2],
-    /// What was added to the sum of both scans, at the image's centre (mm).
+    /// The zero that was added to the sum of both scans, at the image's centre (mm).
     pub offset_mm: f64,
-    /// Standard error of the zero of the thickness: the caliper's, the noise's, and that of a trend between thickest
-    /// place and middle.
+    /// Standard error of the zero of the thickness. It combines those of the caliper, of the noise, and of a trend
+    /// between the thickest place and the middle.
     pub offset_err_mm: f64,
-    /// The last of these alone.
+    /// The part of the trend alone.
     pub trend_err_mm: f64,
-    /// By how much noise had raised the highest value.
+    /// How much noise had raised the highest value.
     pub raised_mm: f64,
     /// Noise of a height as scanned, and whether it was stated.
     pub height_noise_mm: f64,
@@ -40,11 +41,11 @@ pub struct Alignment {
     /// Gaussian smoothing of the thickness and of the heights that normals are made of (mm).
     pub smooth_thickness_mm: f64,
     pub smooth_height_mm: [f64; 2],
-    /// Noise left of the thickness (mm) and of a slope of front and back.
+    /// Noise that is left in the thickness (mm) and in a slope of front and back.
     pub thickness_noise_mm: f64,
     pub slope_noise: [f64; 2],
-    /// The same together with the detail that smoothing blunted, root mean squares; what the scanner's own filter
-    /// blunted is not in them.
+    /// The same combined with the detail that smoothing blurred, as root mean squares. Detail that the scanner's own
+    /// filter blurred is not included.
     pub thickness_error_mm: f64,
     pub slope_error: [f64; 2],
     /// How far the thickness reaches above and below its median (mm).
@@ -72,8 +73,8 @@ fn place(k: usize, width: usize, height: usize) -> [f64; 2] {
     [(k % width) as f64 + 0.5 - 0.5 * width as f64, 0.5 * height as f64 - 0.5 - (k / width) as f64]
 }
 
-/// The plane through `values` where they are numbers on `mask`: least squares, then Tukey's biweight. `None` with fewer
-/// than 16 such texels, or where they lie on one line.
+/// The plane through `values` where they are numbers on `mask`, by least squares and then Tukey's biweight. `None` with
+/// fewer than 16 such texels, or where they lie on one line.
 pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<Plane> {
     let height = values.len() / width;
     let at: Vec<usize> = (0..values.len()).filter(|&k| mask[k] && values[k].is_finite()).collect();
@@ -109,7 +110,8 @@ pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<Plane> {
     Some(found)
 }
 
-/// Tukey's weights of residuals, and the residual that counts nothing; `None` where all are the same.
+/// Tukey's weights of the residuals, and the residual from which on the weight is 0; `None` where all residuals are the
+/// same.
 fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
     let middle = median(&mut rest.to_vec());
     let scale = 4.685 * median(&mut rest.iter().map(|r| (r - middle).abs()).collect::<Vec<_>>()) / 0.674_489_75;
@@ -120,10 +122,10 @@ fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
     (scale > 0.0).then(|| (scale, rest.iter().map(weight).collect()))
 }
 
-/// What a trend of the thickness, which no plane can be told from, may amount to at texel `at` relative to the leaf's
-/// middle (mm, standard error). Of a slow variation whose waves are the higher the longer they are, a lean is half a
-/// wave and a bend a whole one: a lean is taken to be twice as large as the bends of second order that `rest` (values
-/// less their plane) shows.
+/// Standard error (mm) of a trend of the thickness at texel `at` relative to the leaf's middle; such a trend cannot be
+/// told from a plane. Slow variations have larger amplitudes the longer their waves are. A lean is half a wave and a
+/// bend a whole wave, so the lean is assumed to be twice as large as the second-order bends that `rest` (values less
+/// their plane) shows.
 pub(crate) fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     let height = rest.len() / width;
     let on: Vec<usize> = (0..rest.len()).filter(|&k| mask[k] && rest[k].is_finite()).collect();
@@ -149,13 +151,13 @@ pub(crate) fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) ->
     let middle = on.iter().map(|&k| terms(unit(k)).dot(&solved)).sum::<f64>() / n;
     let bent = (on.iter().map(|&k| (terms(unit(k)).dot(&solved) - middle).powi(2)).sum::<f64>() / n).sqrt();
     let [u, v] = unit(at);
-    // There are three bends; each direction's lean is twice one of them.
+    // There are three bends. The lean in each direction is twice one of them.
     2.0 * bent / 3f64.sqrt() * u.hypot(v)
 }
 
-/// How far the back's scan lies beside the front's (mm along x and y of the front), and its standard error by the
-/// jackknife: a shift s adds s·∇z to the sum of the scans, with z the blade's relief, here the front's, smoothed by a
-/// texel and a half. `rest` is the sum less its plane; a lean in both is left out.
+/// How far the back's scan is displaced from the front's (mm along x and y of the front), and its standard error by the
+/// jackknife. A shift s adds s·∇z to the sum of the scans, where z is the blade's relief (here the front's, smoothed by
+/// a texel and a half). `rest` is the sum less its plane; a lean in both is left out.
 pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm: f64) -> ([f64; 2], [f64; 2]) {
     let height = rest.len() / width;
     let weight: Vec<f64> = (0..rest.len()).map(|k| f64::from(u8::from(mask[k] && front[k].is_finite()))).collect();
@@ -165,8 +167,8 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     let on: Vec<usize> = (0..rest.len()).filter(|&k| weight[k] > 0.0 && rest[k].is_finite() && near(k)).collect();
     let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
     let Some((_, tukey)) = biweight(&values) else { return ([0.0; 2], [0.0; 2]) };
-    // Sums a block of the picture, so that leaving blocks out tells the error: relief and thickness are related here
-    // and there.
+    // The picture is divided into blocks, and leaving blocks out tells the error. It is needed because relief and
+    // thickness are related in some places.
     const BLOCKS: usize = 4;
     let mut sums = vec![(nalgebra::Matrix5::<f64>::zeros(), nalgebra::Vector5::<f64>::zeros()); BLOCKS * BLOCKS];
     for ((&k, w), r) in on.iter().zip(&tukey).zip(&values) {
@@ -196,12 +198,12 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     (found, err)
 }
 
-/// Noise of a height (mm) from the sum of two scans that were smoothed by `filter` before delivery.
+/// Noise of a height (mm), from the sum of two scans that were smoothed by `filter` before delivery.
 pub fn height_noise(sum: &[f64], mask: &[bool], width: usize, filter: &Kernel) -> Option<f64> {
     deviation(sum, mask, width).map(|(sd, _)| sd / filter.laplacian_noise() / 2f64.sqrt())
 }
 
-/// A smoothing and what it does: width (texels), noise left, and the root mean square of noise left and detail lost
+/// A smoothing and its effect: width (texels), noise left, and the root mean square of noise left and detail lost
 /// together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Width {
@@ -210,7 +212,7 @@ pub struct Width {
     pub error: f64,
 }
 
-/// What a map is smoothed for.
+/// Which property of a map is to be good after smoothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
     /// Its values.
@@ -219,9 +221,9 @@ pub enum Wanted {
     Slopes,
 }
 
-/// The smoothing with the least mean square error of `values` (NaN where there is none), which carry noise of deviation
-/// `noise` that was smoothed by `filter`. The error is estimated from the map itself (Stein 1981: mean (Kx − x)² + 2
-/// cov(Kx, x) − var x), relative to the map as delivered. `only`: this width.
+/// The smoothing that gives `values` (NaN where there is none) the smallest mean square error. Their noise has the
+/// deviation `noise` and was smoothed by `filter`. The error is estimated from the map itself (Stein 1981: mean (Kx −
+/// x)² + 2 cov(Kx, x) − var x), relative to the map as delivered. With `only`, this width is taken.
 pub(crate) fn best_width(
     values: &[f64],
     width: usize,
@@ -284,17 +286,17 @@ pub(crate) fn best_width(
 pub struct Top {
     pub value: f64,
     pub at: usize,
-    /// What was taken off for noise, and the standard error that noise leaves.
+    /// How much was subtracted for noise, and the standard error that noise leaves.
     pub raised: f64,
     pub error: f64,
 }
 
-/// The thickest place as a gauge meets it, without the noise's part. `values` are sums of two scans (NaN off the leaf)
-/// smoothed by `filter` before delivery, `noise` that of a sum as delivered (mm), `contact` the standard deviation of
-/// the gauge's contact (texels).
+/// The thickest place as a gauge measures it, corrected for noise. `values` are sums of two scans (NaN off the leaf)
+/// smoothed by `filter` before delivery. `noise` is that of a sum as delivered (mm). `contact` is the standard
+/// deviation of the gauge's contact (texels).
 pub fn highest(values: &[f64], width: usize, filter: &Kernel, contact: f64, noise: f64) -> Top {
     let weight: Vec<f64> = values.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
-    // What the scan's filter did need not be done again.
+    // The smoothing of the scan's filter counts as part of that of the contact.
     let more = Kernel::gaussian((contact.powi(2) - filter.variance()).max(0.0).sqrt());
     let highest_of = |values: &[f64]| {
         let met = smooth(values, &weight, width, &more);
@@ -306,7 +308,7 @@ pub fn highest(values: &[f64], width: usize, filter: &Kernel, contact: f64, nois
     if noise <= 0.0 {
         return Top { value: first, at, raised: 0.0, error: 0.0 };
     }
-    // The mean height of the thickest place when noise is added until there is `times` as much.
+    // The mean height of the thickest place after noise was added until there is `times` as much.
     let with = |times: f64| {
         let scale = (times * times - 1.0).sqrt() * noise / filter.noise();
         let trial = |t: u64| {
@@ -318,13 +320,14 @@ pub fn highest(values: &[f64], width: usize, filter: &Kernel, contact: f64, nois
         };
         (0..TRIALS).map(trial).sum::<f64>() / TRIALS as f64
     };
-    // The rise goes with a power p of the noise: 1 where many places are equally thick, 2 and more round a single one.
-    // Doubled twice, the rises stand as 2^p, and what the map's own noise did is the first of them over 2^p − 1.
+    // The rise grows with a power p of the noise: p is 1 where many places are equally thick, and 2 or more around a
+    // single one. When the noise is doubled twice, the ratio of the rises is 2^p. The rise due to the map's own noise
+    // is the first of them divided by 2^p − 1.
     let (double, fourfold) = (with(2.0), with(4.0));
     let (rise, more_rise) = ((double - first).max(0.0), (fourfold - double).max(0.0));
     let ratio = if rise > 0.0 { (more_rise / rise).clamp(2.0, 8.0) } else { 8.0 };
     let raised = rise / (ratio - 1.0);
-    // The noise of a single place, and half of what was taken off: the correction is no exact one.
+    // The noise of a single place, and half of the correction, which is not exact.
     let single = noise / filter.noise() * filter.then(&more).noise();
     Top { value: first - raised, at, raised, error: single.hypot(0.5 * raised) }
 }

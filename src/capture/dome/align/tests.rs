@@ -1,7 +1,7 @@
 use super::*;
 
 fn ridge(w: usize, h: usize) -> Vec<f64> {
-    // A lamina of .2 mm with a midrib of .15 mm more along x.
+    // A lamina of .2 mm with a midrib along x that is .15 mm thicker.
     (0..w * h).map(|k| 0.2 + 0.15 * (-((k / w) as f64 - 0.5 * h as f64).powi(2) / 36.0).exp()).collect()
 }
 
@@ -15,7 +15,7 @@ fn the_plane_is_the_laminas_whatever_the_veins_do() {
     let noise = drawn(w * h, 3);
     let lean = Plane([1.5, 2e-4, -5e-4]);
     let middle = ridge(w, h);
-    // A second vein off the middle, so that plain least squares would lean.
+    // A second vein off the middle, because of which plain least squares would lean.
     let values: Vec<f64> = (0..w * h)
         .map(|k| {
             let vein = if (k / w) > 90 && (k % w) < 40 { 0.1 } else { 0.0 };
@@ -37,8 +37,8 @@ fn the_highest_place_is_not_the_noises() {
     let filter = Kernel::gaussian(0.5);
     let contact = 1.5;
     let clean = pass(&ridge(w, h), w, &filter);
-    // A ridge exp(−y²/36) has the variance 18; the contact flattens it to √(18/(18 + 2.25)) (away from the image's
-    // upper and lower edge, where nothing is).
+    // A ridge exp(−y²/36) has the variance 18. The contact flattens it to √(18/(18 + 2.25)). This holds away from the
+    // image's upper and lower edges, beyond which there is nothing.
     let truth = 0.2 + 0.15 * (18f64 / (18.0 + contact * contact)).sqrt();
     let inside = |v: Vec<f64>| {
         v.into_iter()
@@ -55,7 +55,7 @@ fn the_highest_place_is_not_the_noises() {
         let values = inside(clean.iter().zip(&noise).map(|(v, n)| v + sd / filter.noise() * n).collect());
         let Top { value: found, raised, error: err, .. } = highest(&values, w, &filter, contact, sd);
         assert!(raised > 0.001 && err > 0.0, "{raised} {err}");
-        // The plain highest value lies far too high.
+        // The plain highest value is far too high.
         let plain = values.iter().copied().filter(|v| v.is_finite()).fold(f64::MIN, f64::max);
         assert!(plain - truth > 4.0 * (found - truth).abs(), "{plain} {found}");
         misses.push((found - truth) / err);
@@ -64,8 +64,8 @@ fn the_highest_place_is_not_the_noises() {
     assert!(misses.iter().all(|m| m.abs() < 3.0) && mean.abs() < 1.3, "{misses:?}");
 }
 
-/// The error that the map itself tells, against the error to the map without noise; and the width chosen is nearly
-/// the best there is.
+/// The error that is estimated from the map itself agrees with the error to the map without noise, and the chosen width
+/// is nearly the best.
 #[test]
 fn smoothing_is_as_wide_as_serves_and_its_error_is_known() {
     let (w, h) = (160, 120);
@@ -88,7 +88,7 @@ fn smoothing_is_as_wide_as_serves_and_its_error_is_known() {
     assert!((chosen.error / met(chosen.texels) - 1.0).abs() < 0.1, "{chosen:?} {}", met(chosen.texels));
     let best = WIDTHS.into_iter().map(met).fold(f64::MAX, f64::min);
     assert!(met(chosen.texels) < 1.05 * best, "{chosen:?} {best}");
-    // A slope asks for more.
+    // A slope needs more smoothing.
     let slope = best_width(&values, w, &filter, sd, Wanted::Slopes, None);
     assert!(slope.texels >= chosen.texels, "{slope:?}");
     assert_eq!(best_width(&clean, w, &filter, 0.0, Wanted::Values, None).texels, 0.0);

@@ -1,7 +1,7 @@
-//! The truth about a leaf, texel by texel: outline, veins, relief and normals, thickness, pigment, γ, gloss, and what
-//! the interior makes of them. Both sides share interior and shape; the back's maps are stored as its camera saw them
-//! (column i of the back is column W−1−i of the front, x and z change sign). Lengths in mm, coefficients in 1/mm,
-//! albedos in [0, 1].
+//! The truth about a leaf, texel by texel: outline, veins, relief and normals, thickness, pigment, γ, gloss, and the
+//! light of the interior. Both sides share interior and shape. The back's maps are stored as its camera saw them:
+//! column i of the back is column W−1−i of the front (W columns in all), and x and z change sign. Lengths in mm,
+//! coefficients in 1/mm, albedos in [0, 1].
 
 use super::interior::{Interior, Tissue};
 use super::outline::Blade;
@@ -58,7 +58,7 @@ pub struct Leaf {
     pub texel_mm: f64,
     /// The gloss lobe of both sides.
     pub lobe: Lobe,
-    /// As the front's camera saw it.
+    /// Texels on the leaf, as the front's camera saw it.
     pub mask: Vec<bool>,
     /// Height of the front over the plane z = 0 (mm), in the front's columns; set on the blade and one texel around it.
     pub relief: Vec<f64>,
@@ -68,10 +68,10 @@ pub struct Leaf {
     pub back: GrownSide,
 }
 
-/// Which part of the field is evaluated: its centre (mm, from the field's centre) and the size of a texel (mm).
+/// Which part of the field is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
-    /// Its middle from the middle of the field (mm), x right and y up.
+    /// Centre of the part, from the centre of the field (mm), x right and y up.
     pub centre_mm: [f64; 2],
     /// Size of a texel (mm).
     pub texel_mm: f64,
@@ -81,12 +81,12 @@ pub struct Window {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Place {
     pub inside: bool,
-    /// How much of a vein of each order this is, 0 to 1.
+    /// How much of a vein of each order the place is, 0 to 1.
     vein: [f64; 3],
     /// Height of the front and of the back over the plane (mm), z towards the front's camera.
     front_mm: f64,
     back_mm: f64,
-    /// Thickness in units of h, before its mean is fixed.
+    /// Thickness in units of h, before its mean is set.
     pub thickness: f64,
     /// Chlorophyll relative to the leaf's.
     pub chlorophyll: f64,
@@ -113,8 +113,8 @@ impl Leaf {
         )
     }
 
-    /// The same for a part of the field: the same leaf wherever one looks, but for the mean of thickness and γ, which
-    /// are those of what is seen.
+    /// The same for a part of the field. The leaf is the same whichever part is seen, except that the means of
+    /// thickness and γ are those of the part.
     pub(crate) fn grow_in(spec: &Spec, model: Model, (width, height): (usize, usize), window: Window) -> Option<Leaf> {
         let Window { centre_mm, texel_mm } = window;
         let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
@@ -125,7 +125,7 @@ impl Leaf {
         let places: Vec<Place> = (0..height)
             .into_par_iter()
             .flat_map_iter(|j| {
-                // Slopes need the neighbours too, on the blade or not.
+                // Slopes also need the neighbours, on the blade or not.
                 let wanted = |i: usize| {
                     (j.saturating_sub(1)..(j + 2).min(height))
                         .any(|b| (i.saturating_sub(1)..(i + 2).min(width)).any(|a| rows[b][a]))
@@ -237,7 +237,8 @@ pub fn crop<T: Copy>(map: &[T], width: usize, margin: usize) -> Vec<T> {
     (margin..height - margin).flat_map(|j| map[j * width + margin..(j + 1) * width - margin].iter().copied()).collect()
 }
 
-/// How strongly a vein of radius r shows at distance d on texels of size p: narrower than a texel it widens and fades.
+/// How strongly a vein of radius r shows at distance d on texels of size p. A vein narrower than a texel is drawn wider
+/// and fainter.
 fn bell(found: Option<(f64, f64)>, texel: f64) -> f64 {
     let Some((d, r)) = found else { return 0.0 };
     let wide = r.hypot(0.45 * texel);
@@ -251,7 +252,7 @@ fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) 
         [0, 1, 2].map(|k| network.orders[k].nearest(p, reach[k].max(3.4 * relief.bulge_width_mm[usize::from(k == 2)])));
     let vein = [0, 1, 2].map(|k| bell(near[k], texel));
     let far = |k: usize| near[k].map_or(f64::MAX, |(d, _)| d);
-    // The lamina rises away from veins and levels off; small meshes ride on the large ones.
+    // The lamina rises away from veins and levels off. Small meshes are added to the large ones.
     let dome = |d: f64, width: f64| 1.0 - (-(d / width) * (d / width)).exp();
     let between = dome(far(0), relief.bulge_width_mm[0]) * dome(far(1), relief.bulge_width_mm[0]);
     let fine_width = relief.bulge_width_mm[1].max(texel);
@@ -262,7 +263,8 @@ fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) 
     let areole =
         if v.areole_mm > 2.0 * texel { (-(mesh(spec.seed ^ 0xa5, p, v.areole_mm) / 0.09).powi(2)).exp() } else { 0.0 };
     bulge -= 0.12 * relief.bulge_mm[1] * areole;
-    // The blade as a whole: halves that rise from the midrib, ends that hang, slow waves that grow towards the margin.
+    // The shape of the whole blade: halves that rise from the midrib, ends that hang, and slow waves that grow towards
+    // the margin.
     let half = 0.5 * spec.outline.length_mm;
     let off = p[1] - spec.outline.bow_mm * ((std::f64::consts::PI * (p[0] / half * 0.5 + 0.5)).sin() - 0.5);
     let fold = relief.fold_deg.to_radians().tan() * (off.hypot(2.0) - 2.0);
@@ -285,14 +287,14 @@ fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) 
         back_mm: sheet - dents(relief.raised_mm),
         thickness: thickness.max(0.3),
         chlorophyll: lively.max(0.2) * (1.0 - (1.0 - spec.pigment.veins) * any),
-        // Veins and fading halves lack chlorophyll, and keep the rest.
+        // Veins and fading halves lack chlorophyll but keep the other pigments.
         carotenoid: (1.0 + spec.pigment.lamina * noise(spec.seed ^ 0x22, p, 9.0)).max(0.2),
         mottle: [(0x31, 7.0), (0x32, 0.8), (0x33, 6.0), (0x34, 0.9)]
             .map(|(s, length): (u64, f64)| noise(spec.seed ^ s, p, length) * damped(length, texel)),
     }
 }
 
-/// Noise finer than a few texels is faded out rather than aliased.
+/// Noise finer than a few texels is faded out, because it would alias.
 fn damped(length: f64, texel: f64) -> f64 {
     1.0 / (1.0 + (1.5 * texel / length).powi(2))
 }

@@ -56,8 +56,8 @@ fn the_back_is_the_front_mirrored() {
     }
 }
 
-/// A plane tilted up to the right for the front tilts up to the right for the back too (turned about y, seen from
-/// below).
+/// A plane that rises to the right in the front's image also rises to the right in the back's (turned about y and seen
+/// from below).
 #[test]
 fn normals_turn_with_the_leaf() {
     let (mut spec, _) = elm(Model::Exact);
