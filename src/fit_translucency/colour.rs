@@ -1,11 +1,12 @@
-//! From what the tissue lets through, M, to what is stored: with the measured colour substituted, f = π M / ∫ M dω.
+//! From M, the light that the tissue lets through, to the function f that is stored. The measured colour is
+//! substituted: f = π M / ∫ M dω.
 //!
-//! ρt was measured against a diffuse back light, radiance 1/π per unit irradiance from every direction. A texel that
-//! answers light from ω with ρt f(ω)/π then shows ρt/π · ∫ f dω/π, which is the measured ρt/π only if ∫ f dω = π. The
-//! sources multiply M itself, whose level and whose veins are in ρt already.
+//! ρt was measured in front of a diffuse back light, whose radiance is 1/π per unit irradiance from every direction ω.
+//! A texel that answers light from ω with ρt f(ω)/π then shows ρt/π · ∫ f dω/π. This is the measured ρt/π only if ∫ f
+//! dω = π. The sources multiply ρt by M itself, but the level and the veins of M are already in ρt.
 
-/// Scales images linear in M (coefficients, or M itself) so that ∫ f dω = π at every texel; `total` is ∫ M dω. A texel
-/// that no light reaches answers as a flat uniform leaf does, `flat` being its values. Returns how many those are.
+/// Scales images that are linear in M (coefficients, or M itself) so that ∫ f dω = π at every texel. `total` is ∫ M dω.
+/// A texel that no light reaches gets the values `flat` of a flat uniform leaf. Returns how many texels that are.
 pub fn substitute(images: &mut [Vec<f64>], total: &[f64], flat: &[f64], mask: &[bool]) -> usize {
     let mut dark = 0;
     for k in 0..mask.len() {
@@ -19,8 +20,8 @@ pub fn substitute(images: &mut [Vec<f64>], total: &[f64], flat: &[f64], mask: &[
     dark
 }
 
-/// Scales images linear in M by one number, so that the leaf's mean of ∫ f dω is π: the sources' product, at the right
-/// level. Returns how many texels on the leaf no light reaches.
+/// Scales images that are linear in M by one number, so that the leaf's mean of ∫ f dω is π: the sources' product at
+/// the right level. Returns how many texels on the leaf no light reaches.
 pub fn level(images: &mut [Vec<f64>], total: &[f64], mask: &[bool]) -> usize {
     let on = || total.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| *t);
     let dark = on().filter(|t| !(*t > 0.0)).count();

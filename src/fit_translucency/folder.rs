@@ -1,9 +1,9 @@
-//! Translucency maps on disk: `front.exr`, `back.exr` (light that enters that side, columns of its camera), previews,
-//! `fit.toml`, `times.toml`.
+//! Translucency maps on disk: `front.exr` and `back.exr` (the light that enters that side, in the columns of its
+//! camera), previews, `fit.toml`, `times.toml`.
 //!
-//! Channels: `translucency.1`, `.2` … (coefficients of f on the basis), `translucency.R1` … `.B3` (of M, three
-//! wavelengths), `translucency.Y` or `.R .G .B` (one light), `thickness.Y` (mm), `entering.Y` (an even sky's light that
-//! enters, over a flat open texel's) and `mask.Y` (1 on the leaf).
+//! Channels: `translucency.1`, `.2` … (coefficients of f on the basis), `translucency.R1` … `.B3` (of M, with three
+//! wavelengths), `translucency.Y` or `.R .G .B` (with one light), `thickness.Y` (mm), `entering.Y` (the light of an
+//! even sky that enters, relative to a flat open texel) and `mask.Y` (1 on the leaf).
 
 use super::recipe::Recipe;
 use super::side::Made;
@@ -19,11 +19,11 @@ use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// What a part holds: the files of one side and its section. A stopped run's parts are taken over only where this is
+/// What a part holds: the files of one side and its section. The parts of a stopped run are reused only where this is
 /// the same.
 pub const PART: &str = "side.exr, side_translucency.png, section";
 
-/// Says in the record what all sides share.
+/// Writes into the record what all sides share.
 ///
 /// # Errors
 /// [`crate::Error::Missed`] for a slab that the leaf fit did not determine.
@@ -52,7 +52,7 @@ pub fn describe(record: &mut FitRecord, source: &Source, channels: &[usize], opt
     Ok(())
 }
 
-/// Writes one side's maps and preview into `out`; the answer is what the record says of them.
+/// Writes one side's maps and preview into `out` and returns the record's section about them.
 ///
 /// # Errors
 /// [`crate::Error::Write`] for a file that cannot be written.
@@ -86,8 +86,8 @@ fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
     maps
 }
 
-/// The first three images as a colour picture, 0 dark and the 99th percentile bright: flat places are grey, flanks
-/// coloured (as H9 Fig. 3.16).
+/// The first three images as a colour picture, from 0 (dark) to the 99th percentile (bright). Flat places are grey,
+/// flanks are coloured (as in H9 Fig. 3.16).
 fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
     let Some(images) = side.coefficients.first() else { return Ok(()) };
     let mut all: Vec<f64> =
@@ -117,7 +117,7 @@ fn section(source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Se
             Param { value: each(value), stderr: each(stderr), unit: unit.into(), ..Param::default() },
         );
     };
-    // The leaf fit's errors where the tissue is the leaf fit's; what was stated has none.
+    // A tissue from the leaf fit has the leaf fit's errors; a tissue that the user states has none.
     let fitted = options.tissue == TissueFrom::Named(TissueName::Fit);
     let err = |q: usize| move |k: usize| if fitted { of.sigma_err[q][side.channels[k]] } else { f64::NAN };
     say("sigma_a", "1/mm", &|k| side.tissue[k].sigma_a, &err(0));

@@ -1,5 +1,5 @@
-//! How far the stored directions are from the full convolution: light from three elevations (H9 Fig. 3.19: π/2, π/4,
-//! π/8), four azimuths each.
+//! How far the stored directions are from the full convolution, for light from three elevations (H9 Fig. 3.19: π/2,
+//! π/4, π/8) at four azimuths each.
 
 use super::spread::{ELEVATIONS, STEPS, Spread};
 use super::{Colour, colour};
@@ -18,18 +18,19 @@ pub fn direction(elevation: f64, azimuth: f64) -> [f64; 3] {
     [elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin()]
 }
 
-/// How M of a direction becomes what is stored.
+/// How M of a direction is turned into what is stored.
 pub struct Scale<'a> {
     /// What the colour is taken from, which decides how M is scaled.
     pub colour: Colour,
-    /// ∫ M dω a texel.
+    /// ∫ M dω of each texel.
     pub total: &'a [f64],
     /// Texels on the leaf.
     pub mask: &'a [bool],
 }
 
-/// Of |rec/full − 1| the mean, median and 95th percentile over texels that are not too faint, and the share of those
-/// that are ([`super::spread::FAINT`]); the RMS of rec − full over that of full, all texels. An elevation each.
+/// For each elevation: the mean, median and 95th percentile of |rec/full − 1| (rec is the reconstruction) over texels
+/// that are not too faint, the share of texels that are too faint ([`super::spread::FAINT`]), and the RMS of rec − full
+/// over that of full for all texels.
 pub fn against_full(
     lit: &LitSide,
     horizon: &Horizon,

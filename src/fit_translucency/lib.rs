@@ -9,12 +9,12 @@
 //! M(x, ω) = A_p Σ_i T(|x − x_i|, d_i) E(x_i, ω),  E = entry · V(x_i, ω) · max(0, n(x_i)·ω)/n_z(x_i)
 //! ```
 //!
-//! with ω in the tangent frame of S (x right, y up in its image, z out of it). What is stored are the coefficients of
-//! f, or of M, on a directional basis; maps lie in the columns of S's camera. Lengths in mm. The sources leave 1/n_z
-//! out ([`Area`]).
+//! Here ω is in the tangent frame of S (x right, y up in its image, z out of it). The coefficients of f, or of M, on a
+//! directional basis are stored. Maps are in the columns of S's camera. Lengths in mm. The sources leave out 1/n_z
+//! ([`Area`]).
 //!
-//! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve,
-//! normalise, judge, write.
+//! The main path is [`run`]. It reads the leaf and chooses the tissue. Then, for each side, it projects the irradiance,
+//! convolves, normalises, judges and writes.
 
 #![warn(missing_docs)]
 
@@ -147,27 +147,27 @@ impl Area {
     }
 }
 
-/// What `fit translucency` is told.
+/// The options of `fit translucency`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// What the colour is taken from.
     pub colour: Colour,
-    /// 0 red, 1 green, 2 blue; `None` is the dominant one. Not for three wavelengths.
+    /// 0 red, 1 green, 2 blue; `None` takes the dominant one. Not for three wavelengths.
     pub channel: Option<usize>,
     /// Where the tissue's coefficients come from.
     pub tissue: TissueFrom,
-    /// `None`: what belongs to the tissue (`tissue::entry`).
+    /// How much light enters a texel; `None` takes what belongs to the tissue (`tissue::entry`).
     pub entry: Option<Entry>,
     /// Over which area a texel's light is counted.
     pub area: Area,
-    /// The boundary term A; `None`: what belongs to the entry.
+    /// The boundary term A; `None` takes what belongs to the entry.
     pub a: Option<f64>,
     /// Form of the dipole whose point response spreads the light.
     pub form: Form,
-    /// Thickness levels K.
+    /// Number K of thickness levels.
     pub levels: usize,
-    /// Light directions over the hemisphere: 128 on a spiral are 2.4 to 3.7 times as good as the sources' 128 random
-    /// ones (`bench translucency`).
+    /// Light directions over the hemisphere: 128 on a spiral give errors that are 2.4 to 3.7 times smaller than those
+    /// of the sources' 128 random ones (`bench translucency`).
     pub lights: Rule,
     /// Directional basis that the maps' coefficients belong to.
     pub basis: Basis,

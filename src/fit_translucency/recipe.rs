@@ -1,5 +1,5 @@
-//! How translucency maps were made, as the options and parameters in `fit.toml` say it. They are written and read here
-//! alone.
+//! How translucency maps were made, as the options and parameters in `fit.toml` state it. Only this module writes and
+//! reads these.
 
 use super::tissue::{self, Entry};
 use super::{Area, Colour, Options};
@@ -12,7 +12,7 @@ use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// What the light of one map depends on, beside the leaf and its tissue.
+/// What the light of one map depends on, besides the leaf and its tissue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
     /// What the colour is taken from.
@@ -34,7 +34,7 @@ impl Recipe {
         Recipe { colour, entry: tissue::entry(options), area, form, channels: channels.to_vec() }
     }
 
-    /// Notes it among a record's options.
+    /// Writes the recipe into a record's options.
     pub fn write(&self, options: &mut BTreeMap<String, String>) {
         let form = match self.form {
             Form::Thin => "thin".into(),
@@ -53,10 +53,10 @@ impl Recipe {
         }
     }
 
-    /// Reads it from the record of maps in `folder`; `None` where the maps do not say how they were made.
+    /// Reads the recipe from the record of maps in `folder`; `None` where the maps do not say how they were made.
     ///
     /// # Errors
-    /// [`Error::Input`] for an option that is missing or no such name.
+    /// [`Error::Input`] for an option that is missing or has an unknown name.
     pub fn read(record: &FitRecord, folder: &Path) -> Result<Option<Recipe>> {
         let said = |name: &str| record.options.get(name).map(String::as_str);
         let bad = |name: &str, expected: &str| {
@@ -82,7 +82,7 @@ impl Recipe {
         }))
     }
 
-    /// Whether a record's maps were made with the colour and the entry that are asked for, as far as it says.
+    /// Whether a record's maps were made with the colour and the entry that are asked for, as far as the record says.
     pub fn agrees(record: &FitRecord, asked: &Options) -> bool {
         let mut wanted = BTreeMap::new();
         Recipe::of(asked, &[]).write(&mut wanted);
@@ -93,7 +93,7 @@ impl Recipe {
 /// The tissue behind a side in the `k`-th of the recipe's channels.
 ///
 /// # Errors
-/// [`Error::Input`] for a parameter that is missing or no number.
+/// [`Error::Input`] for a parameter that is missing or not a number.
 pub fn tissue(record: &FitRecord, folder: &Path, side: Side, k: usize) -> Result<Tissue> {
     let (file, side) = (folder.join("fit.toml"), side.name());
     let section = record.sections.get(side).ok_or_else(|| Error::field(&file, side, "missing"))?;

@@ -1,4 +1,4 @@
-//! One lit side: irradiance projected onto the basis, sent through the tissue, normalised, judged.
+//! One lit side: its irradiance is projected onto the basis, sent through the tissue, normalised and judged.
 
 use super::source::{SideMaps, Source};
 use super::tissue::{self, Entry};
@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::time::Instant;
 
-/// What one lit side came to; images in the columns of its camera.
+/// The result of one lit side; images are in the columns of its camera.
 #[derive(Debug, Clone)]
 pub struct Made {
     /// The side that the light enters.
@@ -32,13 +32,13 @@ pub struct Made {
     pub channels: Vec<usize>,
     /// The tissue of each of `channels`.
     pub tissue: Vec<Tissue>,
-    /// A channel, a basis function: coefficients of f, or of M with three wavelengths. With a fixed sun one image a
-    /// channel, the value itself.
+    /// For each channel and basis function: coefficients of f, or of M with three wavelengths. With a fixed sun there
+    /// is one image a channel, the value itself.
     pub coefficients: Vec<Vec<Vec<f64>>>,
     /// Thickness (mm), 0 off the leaf.
     pub thickness: Vec<f64>,
-    /// What enters under an even sky over what enters a flat open texel, in the first channel: entry, relief and its
-    /// shadows. 0 off the leaf.
+    /// The light of an even sky that enters, relative to a flat open texel, in the first channel. It combines entry,
+    /// relief and the relief's shadows. 0 off the leaf.
     pub entering: Vec<f64>,
     /// Texels on the leaf that no light comes through.
     pub dark: usize,
@@ -46,11 +46,11 @@ pub struct Made {
     pub figures: BTreeMap<String, f64>,
 }
 
-/// No facet counts for more than this many texels' area: beyond, a normal says more of noise than of slope.
+/// A facet counts for at most the area of this many texels: beyond, its normal shows noise more than slope.
 const STEEPEST: f64 = 5.0;
 
-/// The lit side as the light transport takes it, in channel `c`: what enters a texel for each unit of n·ω. `fit.toml`
-/// says `entry` and `area`.
+/// The lit side in the form that light transport takes, in channel `c`: what enters a texel for each unit of n·ω.
+/// `fit.toml` states `entry` and `area`.
 pub fn surface(side: &SideMaps, c: usize, entry: Entry, area: Area) -> Surface {
     let entry = |k: usize| match entry {
         Entry::Matched => 1.0,
@@ -67,7 +67,7 @@ pub fn surface(side: &SideMaps, c: usize, entry: Entry, area: Area) -> Surface {
     }
 }
 
-/// The side lit, over its surface.
+/// The lit side, with its surface.
 pub fn lit<'a>(source: &Source, side: &'a SideMaps, surface: &'a Surface) -> LitSide<'a> {
     LitSide {
         side: if side.name == Side::Front { Side::Front } else { Side::Back },
@@ -94,8 +94,8 @@ pub fn convolver(source: &Source, side: &SideMaps, tissue: &Tissue, options: &Op
     let settings = Settings {
         form: options.form,
         levels: Levels { count: options.levels, ..Levels::default() },
-        // LEAFMOD's coefficients belong to the transport equation: a flat uniform leaf then lets through what the slab
-        // says.
+        // LEAFMOD's coefficients belong to the transport equation. With its totals a flat uniform leaf lets through
+        // what the slab says.
         totals: if options.tissue == TissueFrom::Named(TissueName::Fit) { Totals::Transport } else { Totals::Form },
         ..Settings::new(*tissue, source.texel_mm)
     };
@@ -125,8 +125,8 @@ pub fn make(
 
     let lights = Lights::new(options.lights);
     let mut projector = Projector::new(options.basis, &lights, Weights::Gram).map_err(Error::Usage)?;
-    // The last image is the light from everywhere, which the measured colour is divided by; its weights are scaled so
-    // that these very directions give a flat leaf its π.
+    // The last image is that of light from everywhere, which the measured colour is divided by. Its weights are scaled
+    // so that exactly these directions give a flat leaf the value π.
     let cosines: f64 = lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * d[2]).sum();
     projector.matrix.push(lights.weights.iter().map(|w| w * PI / cosines).collect());
     let mut made = Made {

@@ -1,7 +1,7 @@
-//! Where a leaf's inside comes from: the maps of a leaf fit, brought into the form that the light transport takes.
+//! The input of a translucency fit: the maps of a leaf fit, brought into the form that the light transport takes.
 //!
-//! Lengths in mm, σ in 1/mm. Texels without a measurement take their nearest good neighbour's values, so that no light
-//! is lost at a hole in the data; texels beside the leaf hold nothing.
+//! Lengths in mm, σ in 1/mm. Texels without a measurement take the values of their nearest good neighbour, so that no
+//! light is lost at a hole in the data. Texels beside the leaf are empty.
 
 use crate::{Error, Result};
 use mesophyll_files::hash;
@@ -37,20 +37,20 @@ pub struct SideMaps {
     pub sigma_s: [f64; 3],
     /// Standard errors (1/mm) of `sigma_a` and `sigma_s`; infinite where nothing is known.
     pub sigma_err: [[f64; 3]; 2],
-    /// What the leaf fit says of the coefficients that it did not determine, a sentence each.
+    /// The leaf fit's statements about coefficients that it did not determine, one sentence each.
     pub undetermined: Vec<String>,
 }
 
-/// Blades are some tenths of a millimetre thick; far beyond these limits a map is in other units, or no map of
+/// Blades are some tenths of a millimetre thick. A map far beyond these limits has other units, or is not a map of
 /// thickness.
 const THICKNESS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e3;
 
-/// What directions are told against.
+/// The frame in which directions are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frame {
-    /// The mesh's tangent frame, texel by texel: a renderer bends the blade itself.
+    /// The mesh's tangent frame, texel by texel, for a renderer that bends the blade itself.
     Mesh,
-    /// The photographs': the blade as it lay, with its own bend.
+    /// The frame of the photographs: the blade as it lay, with its own bend.
     Photograph,
 }
 
@@ -104,7 +104,7 @@ impl Source {
     }
 }
 
-/// Standard error of a channel; one that is not stated at all is no doubt.
+/// Standard error of a channel. An error that is not stated counts as 0.
 fn error(section: &Section, name: &str, c: usize) -> f64 {
     section.params.get(name).and_then(|p| p.stderr.get(c).copied()).filter(|e| !e.is_nan()).unwrap_or(0.0)
 }
@@ -171,6 +171,6 @@ fn side(
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
     let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
-    // A normal that is no number, or looks into the leaf, is the mesh's own.
+    // A normal that is not a number, or that points into the leaf, is replaced by the mesh's own.
     if length > 0.0 && length.is_finite() && v[2] > 0.0 { v.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
 }

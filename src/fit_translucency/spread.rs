@@ -1,19 +1,19 @@
-//! How the errors of a reconstruction are spread over a leaf's texels (H7 Fig. 12): means, percentiles, a histogram.
-//! Errors are relative, f_rec/f − 1.
+//! How the errors of a reconstruction are distributed over a leaf's texels (H7 Fig. 12): means, percentiles, a
+//! histogram. Errors are relative: f_rec/f − 1, where f_rec is the reconstruction of f by the basis.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Elevations of H7 Fig. 12, from the tangent plane (rad).
 pub const ELEVATIONS: [f64; 3] = [FRAC_PI_2, FRAC_PI_4, PI / 8.0];
 
-/// Width of a histogram's step at each of them: errors grow as the light gets lower.
+/// Width of a histogram's step at each of these elevations: errors grow as the light gets lower.
 pub const STEPS: [f64; 3] = [0.0025, 0.01, 0.02];
 
-/// Steps of a histogram; the middle one holds no error.
+/// Number of steps of a histogram; the middle one contains the error 0.
 pub const BINS: usize = 41;
 
-/// Texels that get less than this share of the elevation's mean have no relative error worth the name (deep shadow over
-/// absorbing tissue: f goes to 0, its error does not).
+/// Texels that get less than this share of the elevation's mean are left out, because a relative error is meaningless
+/// there (in deep shadow over absorbing tissue, f goes to 0 and its error does not).
 pub const FAINT: f64 = 0.01;
 
 /// Errors at one elevation, of texels that get at least [`FAINT`] of the mean at that elevation.
@@ -21,7 +21,7 @@ pub const FAINT: f64 = 0.01;
 pub struct Spread {
     /// Elevation of the light over the blade (rad).
     pub elevation: f64,
-    /// Mean of |f_rec/f − 1|, f_rec being what the basis makes of f.
+    /// Mean of |f_rec/f − 1|, f_rec being the reconstruction.
     pub mean: f64,
     /// Mean of f_rec/f − 1: above 0 where the basis is too bright.
     pub bias: f64,
@@ -33,20 +33,21 @@ pub struct Spread {
     pub p95: f64,
     /// Largest |f_rec/f − 1|.
     pub worst: f64,
-    /// Root mean square of f_rec − f over the mean of f, all texels: what a picture at this elevation shows.
+    /// Root mean square of f_rec − f over the mean of f, for all texels: the error that a picture at this elevation
+    /// shows.
     pub visible: f64,
-    /// Share of the texels judged in each step of f_rec/f − 1, from −[`Spread::reach`] on.
+    /// Share of the judged texels in each step of f_rec/f − 1, starting at −[`Spread::reach`].
     pub histogram: [f64; BINS],
     /// Width of a step of the histogram, in f_rec/f − 1.
     pub step: f64,
-    /// Shares of the texels judged below the histogram and above it.
+    /// Shares of the judged texels below the histogram and above it.
     pub beyond: [f64; 2],
     /// Share of texels left out as too faint.
     pub faint: f64,
 }
 
 impl Spread {
-    /// From pairs of reconstruction and truth, gone through three times; NaN where there are none.
+    /// From pairs of reconstruction and truth, which are read three times; NaN where there are none.
     pub fn of(elevation: f64, step: f64, pairs: impl Iterator<Item = [f64; 2]> + Clone) -> Spread {
         let (all, sum) = pairs.clone().fold((0.0, 0.0), |(n, sum), [_, f]| (n + 1.0, sum + f));
         let level = sum / all;

@@ -1,10 +1,10 @@
-//! Which tissue light is sent through: the slab that the leaf fit found, the sources' table, or numbers from the user;
-//! and how light gets in.
+//! Which tissue light is sent through (the slab of the leaf fit, the sources' table, or the user's numbers), and how
+//! light enters it.
 //!
-//! Two consistent pictures of a leaf's surface exist. LEAFMOD's (`fit`): index-matched, all light enters, what is
-//! reflected diffusely comes back out of the tissue, A = 1. H7's (`table`, numbers): the diffuse reflectance is the
-//! surface's, 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean (H9 Eq. 3.4) says what is
-//! reflected back inside.
+//! There are two consistent pictures of a leaf's surface. In LEAFMOD's (`fit`) the leaf is index-matched: all light
+//! enters, diffusely reflected light comes back out of the tissue, and A = 1. In H7's (`table`, numbers) the diffuse
+//! reflectance ρd is the surface's: the share 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean
+//! (H9 Eq. 3.4) describes the reflection back inside.
 
 use super::source::SideMaps;
 use super::{Options, TissueFrom, TissueName};
@@ -32,7 +32,7 @@ impl Entry {
     }
 }
 
-/// What the options leave open of how light enters.
+/// How light enters, where the options leave it open.
 pub fn entry(options: &Options) -> Entry {
     options.entry.unwrap_or(match options.tissue {
         TissueFrom::Named(TissueName::Fit) => Entry::Matched,

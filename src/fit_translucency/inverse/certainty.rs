@@ -1,15 +1,16 @@
-//! What the photographs determine and what they do not: standard errors, correlations, and the weak directions by name.
+//! What the photographs determine and what they do not: standard errors, correlations, and the weak directions in
+//! words.
 
 use mesophyll_solve::decompose;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Largest standard error of a logarithm that still counts as determined.
 pub const DETERMINED: f64 = 0.1;
-/// Eigenvalues of the matrix with unit diagonal below this are rounding.
+/// Eigenvalues of the matrix with unit diagonal that are below this are rounding.
 const RANK: f64 = 1e-12;
 
-/// How well the photographs tell the parameters: the logarithms of the coefficients and of the scale, in the order of
-/// [`names`].
+/// How well the photographs determine the parameters: the logarithms of the coefficients and of the scale, in the order
+/// of [`names`].
 #[derive(Debug, Clone, Default)]
 pub struct Certainty {
     /// Names of the parameters, as [`names`] makes them.
@@ -23,7 +24,7 @@ pub struct Certainty {
     pub condition: f64,
     /// How many directions the photographs determine.
     pub rank: usize,
-    /// What the standard errors that the noise leaves were multiplied by.
+    /// The factor by which the standard errors from noise were multiplied because of a misfit.
     pub misfit: f64,
     /// Directions that may change by more than [`DETERMINED`].
     pub weak: Vec<Weak>,
@@ -31,14 +32,14 @@ pub struct Certainty {
     pub at_limit: Vec<bool>,
 }
 
-/// A combination of parameters that the photographs hardly tell.
+/// A combination of parameters that the photographs hardly determine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weak {
     /// Exponents of the parameters, of length 1.
     pub exponents: Vec<f64>,
-    /// Standard error of the logarithm of their product; infinite where it changes nothing at all.
+    /// Standard error of the logarithm of their product; infinite where a change of it has no effect at all.
     pub stderr: f64,
-    /// The same in words, for messages.
+    /// The combination in words, for messages.
     pub text: String,
 }
 
@@ -48,8 +49,8 @@ pub fn names(channels: &[&str], fixed: bool) -> Vec<String> {
     pairs.chain((!fixed).then(|| "thickness_scale".to_string())).collect()
 }
 
-/// From H = JᵀWJ of the logarithms: their covariance is H⁻¹ (misfit² H + scatter) H⁻¹. `scatter` is the covariance of
-/// the gradient that does not come from the noise of the readings.
+/// Judges the parameters from H = JᵀWJ of their logarithms. The covariance is H⁻¹ (misfit² H + scatter) H⁻¹, where
+/// `scatter` is the part of the gradient's covariance that does not come from the noise of the readings.
 pub fn judge(
     matrix: &DMatrix<f64>,
     misfit: f64,
@@ -60,7 +61,8 @@ pub fn judge(
     let n = names.len();
     let root: Vec<f64> = (0..n).map(|k| if matrix[(k, k)] > 0.0 { matrix[(k, k)].sqrt() } else { 1.0 }).collect();
     let decompose = |matrix: DMatrix<f64>| {
-        // A matrix that is not finite says nothing: every eigenvalue counts as zero, and every parameter as lost.
+        // A matrix that is not finite says nothing: every eigenvalue counts as zero, and every parameter as
+        // undetermined.
         decompose::symmetric_eigen(matrix)
             .unwrap_or_else(|| SymmetricEigen { eigenvectors: DMatrix::identity(n, n), eigenvalues: DVector::zeros(n) })
     };
@@ -69,7 +71,7 @@ pub fn judge(
     let kept: Vec<bool> = scaled.eigenvalues.iter().map(|l| *l > RANK * largest).collect();
     let rank = kept.iter().filter(|k| **k).count();
     let vectors = &scaled.eigenvectors;
-    // A parameter with a share in a direction that changes nothing is not known at all.
+    // A parameter that takes part in a direction without effect is not known at all.
     let lost: Vec<bool> = (0..n).map(|i| (0..n).any(|k| !kept[k] && vectors[(i, k)].abs() > 1e-6)).collect();
     let inverse = DMatrix::from_fn(n, n, |i, j| {
         let sum: f64 =
@@ -113,7 +115,7 @@ fn describe(vector: &[f64], names: &[String]) -> String {
     let scale = names.iter().position(|n| n == "thickness_scale");
     let n = vector.len() as f64;
     if let Some(last) = scale {
-        // All coefficients up, the thickness down: optical thicknesses stay.
+        // All coefficients rise and the thickness falls, so that optical thicknesses do not change.
         let along: f64 =
             vector.iter().enumerate().map(|(k, v)| if k == last { -v } else { *v }).sum::<f64>() / n.sqrt();
         if along.abs() > 0.95 {
@@ -137,7 +139,7 @@ fn describe(vector: &[f64], names: &[String]) -> String {
 }
 
 impl Certainty {
-    /// Why parameter `k`, of this value, is not determined: `None` where it is.
+    /// Why parameter `k`, which has this value, is not determined; `None` where it is.
     pub fn undetermined(&self, k: usize, value: f64) -> Option<String> {
         let (name, stderr) = (&self.names[k], self.stderr[k]);
         if stderr <= DETERMINED && !self.at_limit[k] {

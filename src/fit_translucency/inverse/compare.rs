@@ -1,13 +1,13 @@
-//! The photographs' answer beside the slab fit's, and in words why the two differ where they do.
+//! Compares the photographs' answer with the slab fit's, and says in words why they differ where they do.
 //!
-//! The slab fit knows reflectance and transmittance of each texel and the caliper's mean thickness; the photographs
-//! know transmittance, too, and how far light spreads in texels of known size. Where both hold, they agree; each
-//! disagreement has an assumption of its own behind it.
+//! The slab fit knows each texel's reflectance and transmittance and the caliper's mean thickness. The photographs also
+//! know transmittance, and how far light spreads in texels of known size. Where the assumptions of both hold, they
+//! agree. Each kind of disagreement has one assumption behind it.
 
 use super::Tissues;
 use mesophyll_optics::slab;
 
-/// What the leaf fit says (1/mm), a channel each; errors are NaN or infinite where it knows none.
+/// The leaf fit's coefficients (1/mm), a channel each. Errors are NaN or infinite where they are not known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slab {
     pub sigma_a: Vec<f64>,
@@ -16,7 +16,7 @@ pub struct Slab {
     pub sigma_s_err: Vec<f64>,
 }
 
-/// One channel beside the slab.
+/// One channel compared with the slab.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Difference {
     /// ln of the ratio fit/slab of σa and σs′, and its standard error.
@@ -28,13 +28,14 @@ pub struct Difference {
     pub rho_d: [f64; 2],
 }
 
-/// A standard error of ln σ beyond which three of them span a factor of 20 either way.
+/// With a standard error of ln σ above this, three standard errors are a factor of 20 in either direction: the fit says
+/// nothing.
 const TELLS: f64 = 1.0;
 
-/// Differences that matter: more than three standard errors and more than this.
+/// Differences count only if they are more than three standard errors and more than this.
 const MATTERS: f64 = 0.03;
 
-/// `stderr`: of ln σa, ln σs′ of each channel, then of ln scale (0 where fixed).
+/// `stderr`: standard errors of ln σa and ln σs′ of each channel, then of ln scale (0 where it is fixed).
 pub fn differences(found: &Tissues, stderr: &[f64], slab: &Slab, thickness_mm: f64) -> Vec<Difference> {
     let error = |own: f64, other: f64, value: f64| own.hypot(if other.is_finite() { other / value } else { 0.0 });
     (0..found.sigma_a.len())
@@ -60,12 +61,12 @@ fn percent(x: f64) -> String {
     format!("{:+.1} %", 100.0 * x)
 }
 
-/// One sentence: that they agree, or which assumption differs.
+/// One sentence: that they agree, or which assumption fails.
 pub fn explain(names: &[&str], d: &[Difference], found: &Tissues, scale_err: f64) -> String {
     let differ: Vec<usize> = (0..d.len()).filter(|&c| matters(d[c].sigma_a) || matters(d[c].sigma_s)).collect();
     let scale = found.scale.ln();
     let scaled = matters([scale, scale_err]);
-    // An error that cannot be told from nothing known agrees with everything, and says nothing.
+    // A value whose error is so large that nothing is known agrees with everything and says nothing.
     let loose: Vec<&str> = (0..d.len())
         .filter(|&c| [d[c].sigma_a, d[c].sigma_s].iter().any(|v| !(v[1] <= TELLS)))
         .map(|c| names[c])
@@ -90,7 +91,7 @@ pub fn explain(names: &[&str], d: &[Difference], found: &Tissues, scale_err: f64
             )
         })
         .collect();
-    // Once the thickness is taken out, is what is left small?
+    // Once the thickness is taken out, is the remaining difference small?
     let products = (0..d.len())
         .all(|c| [d[c].sigma_a, d[c].sigma_s].iter().all(|[v, e]| !matters([v + scale, e.hypot(scale_err)])));
     let light =
@@ -141,7 +142,7 @@ mod tests {
         assert!(says(&one(0.503, 9.02, 1.0), sure).starts_with("agrees"));
         assert!(says(&one(0.5 / 1.2, 9.0 / 1.2, 1.2), sure).contains("sigma times thickness agrees"));
         assert!(says(&one(1.2, 9.0, 1.0), sure).contains("of the light at the mean thickness is not the slab's"));
-        // The same light, parted otherwise: σs such that ρt stays.
+        // The same transmitted light, divided differently: σs is such that ρt stays.
         let want = slab::response(0.5, 9.0, 0.2).rho_t;
         let (mut low, mut high) = (3.0, 9.0);
         for _ in 0..60 {
@@ -149,7 +150,7 @@ mod tests {
             if slab::response(0.8, middle, 0.2).rho_t > want { low = middle } else { high = middle }
         }
         assert!(says(&one(0.8, low, 1.0), sure).contains("they part it differently"));
-        // Wide errors agree with anything, and errors without bound are not called agreement.
+        // Wide errors agree with anything, and unbounded errors must not be called agreement.
         assert!(says(&one(5.0, 8.0, 1.0), [f64::INFINITY, 0.3, 0.4]).starts_with("cannot be compared"));
         assert!(says(&one(0.6, 8.0, 1.1), [0.5, 0.3, 0.4]).starts_with("agrees"));
     }

@@ -1,4 +1,5 @@
-//! What a fit of the tissue says in `fit.toml` and `times.toml`. One section, `all`; there are no maps.
+//! What a fit of the tissue writes into `fit.toml` and `times.toml`. There is one section, `all`, and there are no
+//! maps.
 
 use super::compare::{Difference, Slab, explain};
 use super::run::{Options, Truth};
@@ -6,7 +7,7 @@ use super::{Fitted, Measured, Tissues};
 use mesophyll_record::{FitRecord, Param, Section, Times, TruthError};
 use mesophyll_translucency::convolve::Totals;
 
-/// Says in the record what was found.
+/// Writes the result into the record.
 pub fn describe(
     record: &mut FitRecord,
     measured: &Measured,

@@ -1,23 +1,25 @@
-//! What a leaf is made of, from photographs of the light that comes through it: σa and σs′ = (1 − g)σs a channel, and
-//! one factor on its thickness.
+//! Finds what a leaf is made of from photographs of the light that comes through it: absorption σa and reduced
+//! scattering σs′ = (1 − g)σs in each channel, and one factor on its thickness.
 //!
-//! Photographs of the unlit side under a few lights of known direction are compared with the very model that renders
-//! (H9 Eq. 3.14, the thin form): seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). How much comes through tells
-//! one number a channel and thickness; how far it spreads, in texels of known size, tells a length; together they
-//! separate absorption from scattering and both from the thickness. The cost is ½ Σ ((model − seen)/sd)², its gradient
-//! that of the discretised model, by correlation ([`mesophyll_translucency::tangent`]); argmin's L-BFGS
-//! minimises it in the logarithms, in coordinates that the Gauss–Newton matrix at each round's start makes round. sd is
-//! that of the *modelled* value (a reading's own would pull the fit low), renewed every round.
+//! Photographs of the unlit side under a few lights of known direction are compared with the same model that renders
+//! (H9 Eq. 3.14, the thin form): seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). E is the irradiance that enters
+//! texel i, d_i its thickness, f the factor, A_p a texel's area and T the kernel. How much light comes through tells
+//! one number for each channel and thickness. How far it spreads, in texels of known size, tells a length. Together
+//! they separate absorption from scattering, and both from the thickness. The cost is ½ Σ ((model − seen)/sd)². Its
+//! gradient is that of the discretised model, by correlation ([`mesophyll_translucency::tangent`]). argmin's L-BFGS
+//! minimises it in the logarithms, in coordinates in which the Gauss–Newton matrix at each round's start is close to
+//! the identity. sd is that of the *modelled* value (a reading's own sd would bias the fit low) and is renewed in every
+//! round.
 //!
-//! **g is not among the unknowns**: the model holds scattering only as σs′, in its kernel, its unscattered light and
-//! its totals alike. Units: mm, 1/mm.
+//! **g is not among the unknowns**: the model contains scattering only as σs′, in its kernel, its unscattered light and
+//! its totals. Units: mm, 1/mm.
 //!
-//! Standard errors hold the noise of the readings and the errors that the leaf fit states of its thickness map
+//! Standard errors include the noise of the readings and the errors that the leaf fit states for its thickness map
 //! ([`thickness`]).
 //!
-//! Limits: what diffusion and the normal-incidence kernel leave out is not in the standard errors; where the residuals
-//! exceed what noise and thickness explain, errors are scaled by them. Texels near a border that the leaf goes on
-//! beyond have to be left out by the caller.
+//! Limits: the errors of diffusion and of the kernel for normal incidence are not in the standard errors. Where the
+//! residuals exceed what noise and thickness explain, errors are scaled by them. The caller has to leave out texels
+//! near a border of the picture that the leaf extends beyond.
 
 mod certainty;
 mod compare;
@@ -42,9 +44,9 @@ use mesophyll_translucency::convolve::Totals;
 pub struct Image {
     /// Which of the thickness maps the light enters.
     pub map: usize,
-    /// Irradiance that enters, per irradiance of a plane that faces the light.
+    /// Irradiance that enters, relative to that of a plane that faces the light.
     pub light: Vec<f64>,
-    /// Cosine of the light to the blade's normal, above 0 to 1.
+    /// Cosine of the angle between the light and the blade's normal, above 0 to 1.
     pub cosine: f64,
     /// Share of the inner light that leaves through the seen side.
     pub exit: Vec<f64>,
@@ -74,9 +76,9 @@ pub struct Measured {
     pub texel_mm: f64,
     /// Thickness (mm) in the columns of each lit side, 0 off the leaf.
     pub thickness: Vec<Vec<f64>>,
-    /// What is known of the errors of these maps.
+    /// The known errors of these maps.
     pub thickness_errors: ThicknessErrors,
-    /// What was read, a channel each.
+    /// The readings, a channel each.
     pub channels: Vec<Channel>,
     /// Noise of the readings.
     pub noise: Noise,
@@ -89,16 +91,16 @@ pub struct Noise {
     pub relative: f64,
     /// The part that every reading has, in the unit of the readings (1 is a white sheet that faces the beam).
     pub floor: f64,
-    /// Whether these are the noise, or only weights whose level the residuals tell.
+    /// Whether these numbers are the noise; otherwise they are only weights, and the residuals tell the level.
     pub known: bool,
 }
 
 impl Noise {
-    /// For exact values: all texels count alike, relatively.
+    /// For exact values: all texels have the same relative weight.
     pub const EXACT: Noise = Noise { relative: 0.01, floor: 0.0, known: false };
 }
 
-/// What a fit begins with, or a truth.
+/// The start of a fit, or a truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tissues {
     /// Absorption coefficient σa (1/mm), a channel each.
@@ -114,16 +116,16 @@ pub struct Tissues {
 pub struct Options {
     /// Thickness levels.
     pub levels: usize,
-    /// What the share of the light that comes through in all is taken from.
+    /// Where the total transmittance is taken from.
     pub totals: Totals,
-    /// With the transport equation's totals: of a beam at each light's own incidence, else of one along the normal (as
-    /// renderers have it).
+    /// With the transport equation's totals: whether they are those of a beam at each light's own incidence. Otherwise
+    /// they are those of a beam along the normal, as renderers have it.
     pub slant: bool,
-    /// Take the thickness map to be right as it is, and fit no factor on it.
+    /// Takes the thickness map as it is and fits no factor on it.
     pub fix_scale: bool,
-    /// Rounds of descent at most.
+    /// Largest number of rounds of descent.
     pub rounds: usize,
-    /// Says on stderr how far it is, round by round.
+    /// Reports progress on stderr, round by round.
     pub told: bool,
 }
 
@@ -133,12 +135,12 @@ impl Default for Options {
     }
 }
 
-/// What came out.
+/// The result of the fit.
 #[derive(Debug, Clone)]
 pub struct Fitted {
     /// The coefficients and the thickness scale that fit best.
     pub tissues: Tissues,
-    /// In the logarithms: σa, σs′ of each channel, then the scale unless it was fixed.
+    /// Certainty of the logarithms: σa and σs′ of each channel, then the scale unless it was fixed.
     pub certainty: Certainty,
     /// How the search ended.
     pub termination: Termination,
@@ -146,13 +148,13 @@ pub struct Fitted {
     pub trace: Trace,
     /// The parameters (not their logarithms) of each row of the trace.
     pub points: Vec<Tissues>,
-    /// Costs with gradient, and Jacobians.
+    /// How often the cost was evaluated with its gradient, plus the number of Jacobians.
     pub evaluations: usize,
-    /// A channel each, in their order.
+    /// Residuals of each channel, in the order of the channels.
     pub residuals: Vec<Residuals>,
     /// χ² of all readings over the degrees of freedom; to be compared with `expected_chi2`.
     pub reduced_chi2: f64,
-    /// Reduced χ² that the noise of the readings and the stated errors of the thickness maps lead to expect.
+    /// Reduced χ² that is expected from the noise of the readings and the stated errors of the thickness maps.
     pub expected_chi2: f64,
 }
 

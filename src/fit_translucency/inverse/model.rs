@@ -1,5 +1,5 @@
-//! Cost, gradient and Gauss–Newton matrix of photographs against the convolution, in ln σa, ln σs′ (a channel each) and
-//! the ln of the scale.
+//! Cost, gradient and Gauss–Newton matrix of the photographs' misfit to the convolution, in ln σa and ln σs′ (a channel
+//! each) and ln of the scale.
 
 use super::{Image, Measured, Options, Tissues};
 use crate::Result;
@@ -12,11 +12,11 @@ use mesophyll_translucency::tangent::{PARTIALS, Source, Stage, Tangent};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Where the search may go: ln σ (σ in 1/mm), ln scale. Beyond, the cost rises with the square of the distance.
+/// Range of the search: ln σ (σ in 1/mm) and ln scale. Beyond it, the cost rises with the square of the distance.
 pub const SIGMA: [f64; 2] = [-11.5, 6.9];
 pub const SCALE: [f64; 2] = [-2.3, 2.3];
 
-/// Share of the light that the kernels' reach leaves to the outermost texels.
+/// Share of the light that leaves beyond the kernels' reach and is given to the outermost texels.
 const TAIL: f64 = 1e-6;
 
 pub struct Model<'a> {
@@ -24,21 +24,21 @@ pub struct Model<'a> {
     options: Options,
     stage: Stage,
     scale: f64,
-    /// Cosines of incidence, each once.
+    /// Cosines of incidence, each listed once.
     incidences: Vec<f64>,
-    /// A channel, an image, a texel: 1/sd; 0 where it does not count.
+    /// 1/sd for each channel, image and texel; 0 where the texel does not count.
     inverse: Vec<Vec<Vec<f64>>>,
-    /// Texels that count, all images and channels.
+    /// Number of texels that count, over all images and channels.
     pub count: usize,
 }
 
-/// Logarithms of what is searched for.
+/// Logarithms of the parameters that are searched for.
 pub fn logarithms(tissues: &Tissues, options: &Options) -> Vec<f64> {
     let pairs = tissues.sigma_a.iter().zip(&tissues.reduced).flat_map(|(a, s)| [a.ln(), s.ln()]);
     pairs.chain((!options.fix_scale).then(|| tissues.scale.ln())).collect()
 }
 
-/// The other way; `scale` where it is not searched for.
+/// The tissues of logarithms `p`. `scale` is used where the scale is not searched for.
 pub fn tissues(p: &[f64], options: &Options, scale: f64) -> Tissues {
     let (pairs, last) = if options.fix_scale { (p, scale) } else { (&p[..p.len() - 1], p[p.len() - 1].exp()) };
     Tissues {
@@ -57,7 +57,8 @@ fn reach_mm(measured: &Measured, at: &Tissues, tail: f64) -> f64 {
 }
 
 impl<'a> Model<'a> {
-    /// With the reach that kernels need about `at`; every reading's sd is that of itself.
+    /// A model whose kernels have the reach that tissues about `at` need; each reading's sd is computed from the
+    /// reading itself.
     pub fn new(measured: &'a Measured, options: &Options, at: &Tissues) -> Result<Model<'a>> {
         let levels = Levels { count: options.levels, ..Levels::default() };
         let reach = (1.3 * reach_mm(measured, at, 0.1 * TAIL)).max(4.0 * measured.texel_mm);
@@ -87,7 +88,8 @@ impl<'a> Model<'a> {
         !closed || reach >= reach_mm(self.measured, at, TAIL)
     }
 
-    /// Gives each reading the sd of the value in `levels` (at least a fiftieth of their median).
+    /// Gives each reading the sd of the corresponding value in `levels`, which is taken as at least a fiftieth of their
+    /// median.
     fn weigh(&mut self, levels: &[Vec<Vec<f64>>]) {
         let noise = self.measured.noise;
         let each = self.measured.channels.iter().zip(levels).map(|(channel, levels)| {
@@ -103,7 +105,7 @@ impl<'a> Model<'a> {
         self.inverse = each.collect();
     }
 
-    /// Gives each reading the sd of what the model says at `p`.
+    /// Gives each reading the sd of the model's value at `p`.
     ///
     /// # Errors
     /// As [`Model::images`].
@@ -117,7 +119,7 @@ impl<'a> Model<'a> {
         tissues(p, &self.options, self.scale)
     }
 
-    /// The same weights over other thickness maps.
+    /// The same weights with other thickness maps.
     ///
     /// # Errors
     /// As [`Model::new`].
@@ -128,7 +130,7 @@ impl<'a> Model<'a> {
         Ok(model)
     }
 
-    /// Whether the thickness maps are taken to have the right mean.
+    /// Whether the thickness maps are assumed to have the right mean.
     pub fn scale_is_fixed(&self) -> bool {
         self.options.fix_scale
     }
@@ -147,7 +149,7 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    /// What the photographs should show at `p`: a channel, an image.
+    /// The values that the photographs should show at `p`, for each channel and image.
     ///
     /// # Errors
     /// Tissues that no kernel can be made of.
@@ -163,7 +165,7 @@ impl<'a> Model<'a> {
         (0..self.measured.channels.len()).into_par_iter().map(one).collect()
     }
 
-    /// (model − seen)/sd of a channel's images, and the same times exit/sd: what the gradient is taken with.
+    /// (model − seen)/sd of a channel's images, and the same times exit/sd, which the gradient is computed from.
     fn weighted(&self, c: usize, made: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let images = &self.measured.channels[c].images;
         let one = |(k, made): (usize, &Vec<f64>)| -> (Vec<f64>, Vec<f64>) {
@@ -181,7 +183,7 @@ impl<'a> Model<'a> {
         made.iter().enumerate().map(one).unzip()
     }
 
-    /// Residuals over their sd, a channel, an image, a texel.
+    /// Residuals divided by their sd, for each channel, image and texel.
     ///
     /// # Errors
     /// As [`Model::images`].
@@ -191,7 +193,7 @@ impl<'a> Model<'a> {
         (0..self.measured.channels.len()).into_par_iter().map(one).collect()
     }
 
-    /// Residuals over their sd, and the gradient of half the sum of their squares.
+    /// Residuals divided by their sd, and the gradient of half the sum of their squares.
     ///
     /// # Errors
     /// As [`Model::images`].
@@ -212,8 +214,8 @@ impl<'a> Model<'a> {
         Ok((residuals, gradient))
     }
 
-    /// How the gradient moves with ln of every texel's thickness: a parameter, a thickness map, a texel. What the
-    /// residuals add to it is left out, as in [`Model::normal`].
+    /// How the gradient changes with ln of every texel's thickness, for each parameter, thickness map and texel. The
+    /// part that comes from the residuals is left out, as in [`Model::normal`].
     ///
     /// # Errors
     /// As [`Model::images`].
@@ -244,12 +246,12 @@ impl<'a> Model<'a> {
         Ok(pulls)
     }
 
-    /// 1/sd, as [`Model::residuals`].
+    /// 1/sd, in the order of [`Model::residuals`].
     pub fn inverse_sd(&self) -> &[Vec<Vec<f64>>] {
         &self.inverse
     }
 
-    /// Where a channel's three partial derivatives go; the last is past the end where the scale is fixed.
+    /// The places of a channel's three partial derivatives. The last is past the end where the scale is fixed.
     fn places(&self, c: usize) -> [usize; PARTIALS] {
         [2 * c, 2 * c + 1, 2 * self.measured.channels.len()]
     }
@@ -295,7 +297,7 @@ impl<'a> Model<'a> {
         Ok(normal)
     }
 
-    /// The nearest point where the search may be, and how far away each coordinate is.
+    /// The nearest point within the range of the search, and the distance of each coordinate to it.
     fn within(&self, p: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let sigmas = 2 * self.measured.channels.len();
         let limit = |k: usize| if k < sigmas { SIGMA } else { SCALE };
@@ -304,7 +306,7 @@ impl<'a> Model<'a> {
         (inside, off)
     }
 
-    /// Which coordinates lie at or beyond their limits.
+    /// Which coordinates are at or beyond their limits.
     pub fn at_limit(&self, p: &[f64]) -> Vec<bool> {
         self.within(p).1.iter().map(|off| *off != 0.0).collect()
     }
@@ -316,7 +318,7 @@ impl Smooth for Model<'_> {
     }
 
     fn evaluate(&self, params: &[f64], gradient: &mut [f64]) -> f64 {
-        // No value ends the search at once; the rounds say why.
+        // A point without a value ends the search at once; the rounds say why.
         if params.iter().any(|p| p.is_nan()) || progress::stop_requested() {
             return f64::NAN;
         }

@@ -1,5 +1,5 @@
-//! Rounds of L-BFGS: each begins with the Gauss–Newton matrix where the last one ended, which gives the coordinates,
-//! and with the sds that the model has there.
+//! Rounds of L-BFGS. Each begins with the Gauss–Newton matrix at the point where the last one ended, which gives the
+//! coordinates, and with the sds that the model has there.
 
 use super::certainty::{self, Certainty};
 use super::model::{Model, logarithms};
@@ -10,17 +10,18 @@ use mesophyll_record::Residuals;
 use mesophyll_solve::lbfgs::{self, Limits, Normal};
 use mesophyll_solve::{Termination, decompose};
 
-/// Distance to the minimum, in standard errors, at which a fit is done; and what a round goes on to.
+/// A fit is done when the distance to the minimum, in standard errors, is below this; a round goes on to the second
+/// number.
 const DONE: f64 = 1e-2;
 const ROUND: f64 = 1e-4;
-/// Longest first step of a round in a logarithm.
+/// Longest first step of a round in each logarithm.
 const STEP: f64 = 1.0;
 
 /// Fits σa and σs′ of every channel and the thickness scale (unless fixed) from `start`.
 ///
 /// # Errors
 /// [`Error::Missed`] where no reading counts, the photographs do not depend on the tissue, the model has no value at
-/// the start, or the search does not converge: its end is named, and no numbers are given.
+/// the start, or the search does not converge. Then the reason is named and no numbers are given.
 pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fitted> {
     let channels = measured.channels.len();
     if channels == 0 || start.sigma_a.len() != channels || start.reduced.len() != channels {
@@ -54,7 +55,7 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         progress::go_on()?;
         bar.advance(1);
         if round > 0 {
-            // The first round's sds are the readings' own: the model may be far off there.
+            // In the first round the sds are those of the readings, because the model may be far off.
             if !model.reaches(&model.tissues(&p)) {
                 model = Model::new(measured, options, &model.tissues(&p))?;
             }
@@ -79,9 +80,9 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
             ));
         };
         let away = lbfgs::distance(&eigen, &normal.gradient);
-        // A misfit beyond the noise makes the standard errors as much wider.
+        // A misfit beyond the noise makes the standard errors wider by the same factor.
         let misfit = (2.0 * normal.cost / (model.count - p.len()) as f64).sqrt();
-        // Exact readings: their weights stand for 1 % noise, and a thousandth of its errors is enough.
+        // For exact readings the weights stand for 1 % noise, and a thousandth of its errors is enough.
         let unit = misfit.max(if measured.noise.known { 1.0 } else { 1e-3 });
         if options.told {
             let left = 2.0 * normal.cost / (model.count - p.len()) as f64;
@@ -138,11 +139,12 @@ fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: 
     out.reduced_chi2 = 2.0 * normal.cost / freedom;
     let spread = thickness::spread(model, p)?;
     let by_thickness = spread.chi2 / freedom;
-    // The noise's part of a reading's variance; where its level is not known, it is what the thickness leaves over.
+    // The noise's part of a reading's variance. Where its level is not known, it is what the thickness does not
+    // explain.
     let noise = if measured.noise.known { 1.0 } else { (out.reduced_chi2 - by_thickness).max(0.0) };
     out.expected_chi2 = noise + by_thickness;
-    // Beyond what chance does to χ², the model is not right to the stated errors: all of them are taken to be too
-    // small by one factor.
+    // Where χ² is larger than chance makes it, the model or the stated errors are wrong. All errors are then taken to
+    // be too small by one factor.
     let chance = 1.0 + 4.0 * (2.0 / freedom).sqrt();
     let beyond = out.reduced_chi2 / out.expected_chi2;
     let factor = if measured.noise.known && beyond > chance { beyond } else { 1.0 };

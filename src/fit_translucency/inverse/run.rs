@@ -1,4 +1,4 @@
-//! `fit tissue`: photographs under beams and a leaf fit in, a record out.
+//! `fit tissue`: reads photographs under beams and a leaf fit, and writes a record.
 
 use super::compare::{Slab, differences};
 use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues, folder};
@@ -33,19 +33,19 @@ pub enum Start {
     Table,
 }
 
-/// What `fit tissue` is told.
+/// The options of `fit tissue`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// How the search is done.
     pub fit: super::Options,
-    /// The g that σs is stated for.
+    /// The g for which σs is stated.
     pub g: f64,
     /// How much light enters a texel.
     pub entry: Entry,
     /// Where the search begins.
     pub start: Start,
-    /// Readings nearer to a picture border that the leaf goes on beyond are left out (mm); `None`: six mean
-    /// thicknesses.
+    /// Readings within this distance (mm) of a picture border that the leaf extends beyond are left out. `None` means
+    /// six mean thicknesses.
     pub margin_mm: Option<f64>,
     /// Fit again although the folder holds this very fit.
     pub force: bool,
@@ -73,8 +73,8 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// Fits the tissue of the photographs in `beams` on the blade of the leaf fit `blade` into the folder `out`.
 ///
 /// # Errors
-/// Inputs that cannot be read or do not belong together (exit code 2), a search that does not converge or has nothing
-/// to go by (1), a folder that cannot be written (2).
+/// Inputs that cannot be read or do not belong together (exit code 2); a search that does not converge or has nothing
+/// to fit (1); a folder that cannot be written (2).
 pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let (capture, leaf, options) = (beams.to_path_buf(), blade.to_path_buf(), *options);
     maker::make(FitKind::Tissue, out, &[beams, blade], move |maker| fit(&capture, &leaf, &options, maker))
@@ -111,7 +111,7 @@ fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut Maker) -> Resu
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// The photographs on the blade: light, geometry, readings that count.
+/// The photographs on the blade: light, geometry, and the readings that count.
 ///
 /// # Errors
 /// [`Error::Input`] for a blade of another size, a lit side that the leaf fit does not hold, or photographs without a
@@ -214,7 +214,7 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
         let each = maps.require_scalar(&path, Quantity::Thickness)?;
         let known: Vec<bool> = each.iter().map(|e| e.is_finite() && *e >= 0.0).collect();
         let each = each.iter().zip(&known).map(|(e, known)| if *known { f64::from(*e) } else { 0.0 });
-        // A texel that took its neighbour's thickness takes its error, too.
+        // A texel that took its neighbour's thickness takes the neighbour's error as well.
         let mut planes = [each.collect()];
         fill::nearest(&mut planes, &known, w, h);
         out.each.extend(planes);
@@ -222,8 +222,8 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
     let record = FitRecord::read(blade)?;
     let section = record.sections.get(source.sides[0].name.name());
     let figure = |name: &str| section.and_then(|s| s.figures.get(name)).copied().filter(|v| *v > 0.0);
-    // Heights that were scanned are smoothed before their difference is taken: a Gaussian of s texels leaves 1/(2√π s)
-    // of white noise, and the difference of two heights began with √2 times a height's.
+    // Scanned heights are smoothed before their difference is taken. A Gaussian of s texels leaves 1/(2√π s) of white
+    // noise, and the difference of two heights has √2 times the noise of one.
     if let (Some(height), Some(left)) = (figure("height_noise_mm"), figure("thickness_noise_mm")) {
         let smoothed = std::f64::consts::SQRT_2 * height / (2.0 * std::f64::consts::PI.sqrt() * left);
         out.smoothed = if smoothed > 0.5 { smoothed } else { 0.0 };
@@ -235,7 +235,7 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
     Ok(out)
 }
 
-/// Stated noise; weights only for exact values; an estimate where nothing is stated.
+/// The stated noise; only weights for exact values; an estimate where nothing is stated.
 fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[Channel], width: usize) -> Noise {
     match (relative, floor) {
         (None, None) => {
@@ -255,7 +255,7 @@ fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[Channel], wid
 }
 
 /// Texels of a lit side that count: on the leaf with all their neighbours, and away from borders of the picture that
-/// the leaf goes on beyond.
+/// the leaf extends beyond.
 fn counted(side: &SideMaps, source: &Source, options: &Options) -> Vec<bool> {
     let (w, h) = (source.width, source.height);
     let margin = options.margin_mm.unwrap_or(6.0 * source.thickness_mm) / source.texel_mm;
@@ -277,7 +277,7 @@ fn counted(side: &SideMaps, source: &Source, options: &Options) -> Vec<bool> {
         .collect()
 }
 
-/// The leaf fit's coefficients with their errors: of the first side.
+/// The leaf fit's coefficients of the first side, with their errors.
 fn slab(blade: &Path, source: &Source) -> Result<Slab> {
     let side = &source.sides[0];
     let record = FitRecord::read(blade)?;

@@ -1,6 +1,6 @@
-//! Photographs of known tissues, for tests and the stress table: a blade with relief and a vein, lit from a few
-//! directions, through the convolver that renders with more thickness levels and longer kernels than a fit uses; seeded
-//! Gaussian noise.
+//! Photographs of known tissues, for tests and the stress table. A blade with relief and a vein is lit from a few
+//! directions; the photographs are made by the convolver that renders, with more thickness levels and longer kernels
+//! than a fit uses, and with seeded Gaussian noise.
 
 use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues};
 use crate::Result;
@@ -15,19 +15,19 @@ use mesophyll_translucency::irradiance::{Visibility, irradiance};
 use mesophyll_translucency::levels::Levels;
 use mesophyll_translucency::lights::raised;
 
-/// Cosine to the blade's normal of a light at this elevation.
+/// Cosine of the angle between the blade's normal and a light at this elevation.
 fn cosine(elevation: f64) -> f64 {
     elevation.sin().clamp(1e-3, 1.0)
 }
 
-/// What is photographed.
+/// The scene that is photographed.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// Columns and rows of every photograph.
     pub size: usize,
     /// Size of a texel (mm).
     pub texel_mm: f64,
-    /// Thickness of the lamina (mm). A vein is half as thick again, and waves are a tenth of it.
+    /// Thickness of the lamina (mm). A vein is half as thick again, and the waves are a tenth of it.
     pub thickness_mm: f64,
     /// How high the waves of the blade are, as a share of the usual ones; 0 is a flat blade.
     pub relief: f64,
@@ -42,8 +42,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A fine patch of the paper's leaf in one channel: texels of .08 mm, a beam from straight above and a slanting
-    /// one.
+    /// A fine patch of the paper's leaf in one channel, with texels of .08 mm, one beam from straight above and one
+    /// slanting beam.
     pub fn fine(sigma_a: f64, reduced: f64) -> Scene {
         Scene {
             size: 24,
@@ -57,7 +57,7 @@ impl Scene {
         }
     }
 
-    /// Heights of both sides over the mid plane (mm), in the front's columns.
+    /// Heights of both sides over the middle plane (mm), in the front's columns.
     pub fn heights(&self) -> [Vec<f64>; 2] {
         let n = self.size;
         let half = |k: usize, which: f64| {
@@ -69,7 +69,7 @@ impl Scene {
         [0.0, 1.0].map(|which| (0..n * n).map(|k| half(k, which)).collect())
     }
 
-    /// The blade that both sides' heights enclose.
+    /// The blade between the heights of both sides.
     pub fn blade(&self) -> Blade {
         let n = self.size * self.size;
         let [front, back] = self.heights();
@@ -84,11 +84,11 @@ impl Scene {
         )
     }
 
-    /// The photographs without values: light, geometry, no texel counted within `border` of the map's edge.
+    /// The photographs without values: light and geometry. No texel within `border` of the map's edge counts.
     pub fn frame(&self, border: usize) -> Measured {
         let mut blade = self.blade();
         for side in [&mut blade.front, &mut blade.back] {
-            // A slope catches the light of its own area.
+            // A slope receives the light of its own area, which is larger than the texel's.
             side.entry.iter_mut().zip(&side.normal).for_each(|(e, n)| *e /= n[2]);
         }
         let n = self.size;

@@ -1,5 +1,5 @@
-//! The fit against photographs that the convolver made (other code, more levels), against random walks, and against
-//! what cannot be known.
+//! Tests the fit with photographs that the convolver made (other code, more levels), with random walks, and with cases
+//! in which something cannot be known.
 
 use super::synthetic::Scene;
 use super::*;
@@ -67,10 +67,10 @@ fn the_gradient_is_that_of_the_cost() {
     }
 }
 
-/// A random walk through the very relief: no diffusion, no kernel, light that leaves and enters again. What is left is
-/// the model's own error, two mean free paths thick: the light that comes through is right, its parting into absorption
-/// and scattering is not to the noise (scattering 8 % low, absorption .1 to .2/mm high over many histories), and the
-/// residuals say so.
+/// A random walk through the same relief, without diffusion and without a kernel; light leaves and enters again. The
+/// difference that remains is the model's own error at two mean free paths of thickness. The transmitted light is
+/// right, but its division into absorption and scattering is not right to the noise (over many histories scattering is
+/// 8 % too low, and absorption .1 to .2/mm too high). The residuals say so.
 #[test]
 fn a_random_walk_is_fitted_within_what_diffusion_leaves_out() {
     let scene =
@@ -90,11 +90,12 @@ fn a_random_walk_is_fitted_within_what_diffusion_leaves_out() {
     let (a, s) = (fitted.tissues.sigma_a[0], fitted.tissues.reduced[0]);
     let rho_t = |a: f64, s: f64| mesophyll_optics::slab::exact::response(a, s, 0.2).rho_t;
     assert!((rho_t(a, s) / rho_t(0.4, 9.5) - 1.0).abs() < 0.03, "{a} {s}");
-    // Diffusion's spread is known to about a tenth at this thickness.
+    // At this thickness, the spread by diffusion is known to about a tenth.
     assert!((s / 9.5 - 1.0).abs() < 0.15 && (a - 0.4).abs() < 0.3, "{a} {s} {:?}", fitted.certainty.stderr);
 }
 
-/// 40 fits of noisy photographs, a flat blade of known thickness: 80 intervals, of which 76 ± 2 should hold the truth.
+/// 40 fits of noisy photographs of a flat blade of known thickness give 80 intervals, of which 76 ± 2 should contain
+/// the truth.
 #[test]
 fn intervals_hold_the_truth() {
     use rayon::prelude::*;
@@ -116,11 +117,12 @@ fn intervals_hold_the_truth() {
     let off: Vec<f64> = (0..40).into_par_iter().flat_map_iter(one).collect();
     let inside = off.iter().filter(|z| z.abs() < 1.96).count();
     let mean_square = off.iter().map(|z| z * z).sum::<f64>() / off.len() as f64;
-    // Three standard deviations of either.
+    // The limits are three standard deviations of either number.
     assert!((70..=80).contains(&inside) && (0.53..1.47).contains(&mean_square), "{inside} of 80, {mean_square}");
 }
 
-/// 32 fits, each on a thickness map drawn anew with the errors that it states: they scatter as far as they say.
+/// 32 fits, each on a thickness map drawn anew with the errors that it states: the results scatter as far as their
+/// errors say.
 #[test]
 fn stated_errors_hold_those_of_the_thickness_map() {
     use rayon::prelude::*;
@@ -152,9 +154,9 @@ fn stated_errors_hold_those_of_the_thickness_map() {
     };
     let all: Vec<[f64; 2]> = (0..32).into_par_iter().map(off).collect();
     let [stated, chi2] = [0, 1].map(|k: usize| all.iter().map(|z| z[k]).sum::<f64>() / 32.0);
-    // Three standard deviations of the mean square of 32 normal deviates.
+    // The limits are three standard deviations of the mean square of 32 normal deviates.
     assert!((0.25..1.75).contains(&stated) && (0.6..1.2).contains(&chi2), "{stated} {chi2}");
-    // Without the map's errors the estimate is the same, and what is said of it is far too small.
+    // Without the map's errors the estimate is the same, but its stated error is far too small.
     let measured = one(0);
     let certain = fitted(&Measured { thickness_errors: ThicknessErrors::default(), ..measured.clone() });
     let honest = fitted(&measured);
@@ -164,18 +166,18 @@ fn stated_errors_hold_those_of_the_thickness_map() {
 
 #[test]
 fn what_cannot_be_known_is_named() {
-    // Texels far wider than light spreads, thickness that varies: products with the thickness only.
+    // Texels far wider than light spreads, and a varying thickness: only products with the thickness are determined.
     let coarse = Scene { texel_mm: 3.0, noise: 0.005, ..Scene::fine(0.8, 9.0) };
     let fitted = fit(&coarse.photograph().unwrap(), &start(1.0, 7.0, 1.0), &QUICK).unwrap();
     let why = fitted.certainty.undetermined(0, fitted.tissues.sigma_a[0]).unwrap();
     assert!(why.contains("times thickness_scale"), "{why}");
-    // A flat blade in coarse texels under one beam: how much comes through is one number.
+    // A flat blade in coarse texels under one beam: the transmitted light is only one number.
     let flat = Scene { relief: 0.0, beams: vec![(Side::Front, std::f64::consts::FRAC_PI_2, 0.0)], ..coarse };
     let fitted =
         fit(&flat.photograph().unwrap(), &start(1.0, 7.0, 1.0), &Options { fix_scale: true, ..QUICK }).unwrap();
     let why = fitted.certainty.undetermined(0, fitted.tissues.sigma_a[0]).unwrap();
     assert!(why.contains("only how much light"), "{why}");
-    // Nothing to fit.
+    // Here there is nothing to fit.
     let mut dark = flat.photograph().unwrap();
     dark.channels[0].images.iter_mut().for_each(|i| i.light.fill(0.0));
     assert!(fit(&dark, &start(1.0, 7.0, 1.0), &QUICK).unwrap_err().to_string().contains("flat"));

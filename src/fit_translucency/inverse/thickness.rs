@@ -1,15 +1,15 @@
-//! What the errors of the blade's thickness map do to a fit of the tissue.
+//! How the errors of the blade's thickness map affect a fit of the tissue.
 //!
-//! The fit takes each texel's thickness from the leaf fit's map as if it were exact. Where the map is off, the
-//! photographs differ from the model by more than their noise, in all photographs and channels alike, and the tissue
-//! that fits them best moves. With H the Gauss–Newton matrix JᵀWJ, G the change of the photographs with the
-//! thicknesses and S the covariance of the map's errors, the covariance of the logarithms that are searched for is
+//! The fit takes each texel's thickness from the leaf fit's map as if it were exact. Where the map is wrong, the
+//! photographs differ from the model by more than their noise, in the same way in all photographs and channels, and the
+//! best-fitting tissue changes. Let H be the Gauss–Newton matrix JᵀWJ, G the change of the photographs with the
+//! thicknesses and S the covariance of the map's errors. Then the covariance of the logarithms that are searched for is
 //!
-//!   H⁻¹ (H + JᵀW G S GᵀW J) H⁻¹:
+//!   H⁻¹ (H + JᵀW G S GᵀW J) H⁻¹.
 //!
-//! the noise of the readings, and the map's errors carried through the very search that was made. Thickness enters
-//! light exponentially, so errors that cancel on average still shift the result. That shift is of second order in the
-//! errors; it is found by adding as much error again and watching the gradient, and its square is added to the
+//! It contains the noise of the readings, and the map's errors carried through the same search. Thickness enters light
+//! exponentially, so errors that cancel on average still shift the result. This shift is of second order in the errors.
+//! It is found by adding the same amount of error again and watching the gradient, and its square is added to the
 //! covariance.
 
 use super::Measured;
@@ -23,33 +23,34 @@ use nalgebra::{DMatrix, DVector};
 /// What the leaf fit states about the errors of its thickness maps.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ThicknessErrors {
-    /// Standard errors (mm), a map for each of [`Measured::thickness`], in the same columns; none: the maps are exact.
+    /// Standard errors (mm), one map for each of [`Measured::thickness`], in the same columns. No maps mean that the
+    /// thickness is exact.
     pub each: Vec<Vec<f64>>,
-    /// Standard deviation (texels) of the Gaussian that the maps were smoothed with: over it neighbours' errors are
-    /// alike. 0: every texel's error is its own.
+    /// Standard deviation (texels) of the Gaussian that the maps were smoothed with; within it, neighbours have similar
+    /// errors. 0: every texel's error is independent.
     pub smoothed: f64,
-    /// The maps of the two sides are one map, seen from either side.
+    /// Whether the maps of the two sides are one map, seen from either side.
     pub one_map: bool,
     /// Relative standard error that all texels share (the caliper's). Fits of the scale do not depend on it.
     pub shared: f64,
 }
 
-/// What the errors of the maps add, at fixed weights.
+/// The effect of the maps' errors, at fixed weights.
 #[derive(Debug, Clone)]
 pub struct Spread {
     /// JᵀW G S GᵀW J.
     pub scatter: DMatrix<f64>,
-    /// Mean gradient of the cost that the errors leave at the true tissue.
+    /// Mean gradient of the cost that the errors cause at the true tissue.
     pub shift: DVector<f64>,
     /// χ² that the errors add to that of the noise.
     pub chi2: f64,
 }
 
-/// Draws, each used with either sign, that χ² and the shift are taken from. Their scatter falls with the number of
-/// texels, too.
+/// Number of draws for χ² and the shift; each is used with both signs. Their scatter also falls with the number of
+/// texels.
 const DRAWS: u64 = 2;
 
-/// No texel becomes thinner than this share of what it is.
+/// No texel becomes thinner than this share of its thickness.
 const THINNEST: f64 = 0.1;
 
 impl ThicknessErrors {
@@ -75,7 +76,7 @@ impl ThicknessErrors {
 }
 
 impl Measured {
-    /// The same photographs on maps whose thickness is off by `by` (mm) times `sign`.
+    /// The same photographs on maps whose thickness is changed by `by` (mm) times `sign`.
     pub fn moved(&self, by: &[Vec<f64>], sign: f64) -> Measured {
         let mut moved = self.clone();
         for (map, by) in moved.thickness.iter_mut().zip(by) {
@@ -85,7 +86,7 @@ impl Measured {
     }
 }
 
-/// What the stated errors of the thickness maps do at the end `p` of a search.
+/// The effect of the stated errors of the thickness maps at the end `p` of a search.
 ///
 /// # Errors
 /// As [`Model::images`].
@@ -120,11 +121,11 @@ pub fn spread(model: &Model, p: &[f64]) -> Result<Spread> {
     Ok(out)
 }
 
-/// Adds JᵀW G S GᵀW J; `pulls` as [`Model::pulls`].
+/// Adds JᵀW G S GᵀW J. `pulls` is the result of [`Model::pulls`].
 fn scatter(measured: &Measured, pulls: &[Vec<Vec<f64>>], into: &mut DMatrix<f64>) {
     let errors = &measured.thickness_errors;
     let kernel = errors.kernel();
-    // A row a parameter: what each independent draw behind the maps' errors does to it.
+    // For each parameter: the effect of each independent draw behind the maps' errors.
     let rows: Vec<Vec<f64>> = pulls
         .iter()
         .map(|maps| {
