@@ -73,8 +73,15 @@ impl Bending {
 
 /// What a shader that bends is assembled with.
 pub(crate) fn defines(defines: Defines, bend: &Bending) -> Defines {
+    defines_of_times(defines, bend, 1, 0)
+}
+
+/// The same for a shader that knows more than one time; `sections` is how many there are at each.
+pub(crate) fn defines_of_times(defines: Defines, bend: &Bending, times: u32, sections: usize) -> Defines {
     defines
         .constant("BRANCHES", bend.branches.max(1))
+        .constant("BRANCHES_HELD", times * bend.branches.max(1))
+        .constant("SECTIONS_ROWS", section_rows(sections) as u32)
         .constant("SECTIONS_WIDE", SECTIONS_WIDE)
         .constant("VERTICES_WIDE", VERTICES_WIDE)
         .set("BEND", bend.any())
@@ -125,6 +132,16 @@ pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
     }
 }
 
+/// Rows of the sections' texture that one time takes.
+fn section_rows(sections: usize) -> usize {
+    sections.div_ceil(SECTIONS_WIDE as usize).max(1)
+}
+
+/// The branches at several times, one after the other.
+fn all_numbers(branches: &[Branch], winds: &[Option<&Wind>]) -> Vec<OnGpu> {
+    winds.iter().flat_map(|wind| numbers(branches, *wind)).collect()
+}
+
 fn numbers(branches: &[Branch], wind: Option<&Wind>) -> Vec<OnGpu> {
     let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
     let still = OnGpu::zeroed();
@@ -151,11 +168,16 @@ fn numbers(branches: &[Branch], wind: Option<&Wind>) -> Vec<OnGpu> {
 impl BendPass {
     /// Uploads the branches; `None` where nothing rides on one.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<BendPass> {
+        BendPass::at_times(gpu, scene, &[scene.wind.as_ref()], stats)
+    }
+
+    /// The same for several times of the scene's wind, which shaders then choose from.
+    pub(crate) fn at_times(gpu: &Gpu, scene: &Scene, winds: &[Option<&Wind>], stats: &mut Stats) -> Option<BendPass> {
         let bend = Bending::of(scene);
         if !bend.any() {
             return None;
         }
-        let numbers = numbers(&scene.branches, scene.wind.as_ref());
+        let numbers = all_numbers(&scene.branches, winds);
         stats.upload("branches", std::mem::size_of_val(numbers.as_slice()) as u64);
         let buffer = gpu.uniform("branches", &numbers);
         let layout = layout(gpu, &bend);
@@ -168,7 +190,7 @@ impl BendPass {
             entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(view) });
         }
         let carried = scene.sections.as_ref().filter(|_| bend.sections).map(|sections| {
-            stats.upload("sections", (sections.count * 48) as u64);
+            stats.upload("sections", (winds.len() * sections.count * 48) as u64);
             stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
             let own = rows(&sections.of_vertices, VERTICES_WIDE as usize, 0);
             let (motions, own) = (
@@ -177,7 +199,7 @@ impl BendPass {
                     "sections",
                     wgpu::TextureFormat::Rgba32Float,
                     3 * SECTIONS_WIDE,
-                    sections.count.div_ceil(SECTIONS_WIDE as usize),
+                    winds.len() * section_rows(sections.count),
                 ),
                 {
                     let t = texture(
@@ -191,7 +213,7 @@ impl BendPass {
                     t
                 },
             );
-            fill(gpu, &motions, bytemuck::cast_slice(&texels(sections, scene.wind.as_ref())));
+            fill(gpu, &motions, bytemuck::cast_slice(&texels(sections, winds)));
             (motions, own)
         });
         let views = carried.as_ref().map(|(a, b)| [a, b].map(|t| t.create_view(&Default::default())));
@@ -211,10 +233,26 @@ impl BendPass {
 
     /// Moves every branch and section to another time.
     pub(crate) fn set_time(&self, gpu: &Gpu, branches: &[Branch], sections: Option<&Sections>, wind: &Wind) {
+        self.set_times(gpu, branches, sections, &[Some(wind)]);
+    }
+
+    /// The same for as many times as it was made with.
+    pub(crate) fn set_times(
+        &self,
+        gpu: &Gpu,
+        branches: &[Branch],
+        sections: Option<&Sections>,
+        winds: &[Option<&Wind>],
+    ) {
         if let (Some(texture), Some(sections)) = (&self.sections, sections) {
-            fill(gpu, texture, bytemuck::cast_slice(&texels(sections, Some(wind))));
+            fill(gpu, texture, bytemuck::cast_slice(&texels(sections, winds)));
         }
-        gpu.queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(&numbers(branches, Some(wind))));
+        gpu.queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(&all_numbers(branches, winds)));
+    }
+
+    /// The layout of its bind group.
+    pub(crate) fn layout(&self) -> &wgpu::BindGroupLayout {
+        &self.layout
     }
 
     /// Runs the vertex stage's function over vertices in world space: position, normal and tangent each.
@@ -331,9 +369,12 @@ fn rows<T: Copy>(list: &[T], wide: usize, rest: T) -> Vec<T> {
     out
 }
 
-/// The sections at the time of a wind, three texels each.
-fn texels(sections: &Sections, wind: Option<&Wind>) -> Vec<[[f32; 4]; 3]> {
+/// The sections at times of the wind, three texels each, whole rows a time.
+fn texels(sections: &Sections, winds: &[Option<&Wind>]) -> Vec<[[f32; 4]; 3]> {
     let texel = |s: &Section| [s.from.extend(0.0).to_array(), s.to.extend(0.0).to_array(), s.turn.to_array()];
-    let all: Vec<[[f32; 4]; 3]> = sections.now(wind).iter().map(texel).collect();
-    rows(&all, SECTIONS_WIDE as usize, [[0.0; 4]; 3])
+    let of_time = |wind: &Option<&Wind>| {
+        let all: Vec<[[f32; 4]; 3]> = sections.now(*wind).iter().map(texel).collect();
+        rows(&all, SECTIONS_WIDE as usize, [[0.0; 4]; 3])
+    };
+    winds.iter().flat_map(of_time).collect()
 }

@@ -1,6 +1,7 @@
 //#if BEND
 // Bends what a branch carries: the branch's own mesh vertex by vertex, what hangs on it rigidly (H9 = Habel 2009, ch.
-// 4, with the arc length solved and the Jacobian of the whole map; `bend.rs` is the same on the CPU).
+// 4, with the arc length solved and the Jacobian of the whole map; `bend.rs` is the same on the CPU). Everything that
+// depends on time may be held for more than one time, one after the other; time 0 is the one that is drawn.
 
 struct Branch {
     // Root, and the length.
@@ -17,7 +18,7 @@ struct Branch {
     gain: vec4f,
 }
 
-@group(2) @binding(0) var<uniform> branches: array<Branch, BRANCHES>;
+@group(2) @binding(0) var<uniform> branches: array<Branch, BRANCHES_HELD>;
 //#if MOTION
 @group(2) @binding(1) var motion: texture_2d<f32>;
 
@@ -41,8 +42,8 @@ fn swayed(at: vec2f) -> vec2f {
 // Which of them carries a vertex of bark, VERTICES_WIDE a row.
 @group(2) @binding(3) var of_vertices: texture_2d<u32>;
 
-fn carried(section: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
-    let at = vec2u(3u * (section % SECTIONS_WIDE), section / SECTIONS_WIDE);
+fn carried(time: u32, section: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
+    let at = vec2u(3u * (section % SECTIONS_WIDE), section / SECTIONS_WIDE + time * SECTIONS_ROWS);
     let before = textureLoad(sections, at, 0).xyz;
     let after = textureLoad(sections, at + vec2u(1u, 0u), 0).xyz;
     let turn = textureLoad(sections, at + vec2u(2u, 0u), 0);
@@ -149,6 +150,11 @@ fn bend_unit(v: vec3f) -> vec3f {
 // vertex's mesh hangs rigidly (below 0: the mesh is the branch's own and bends at every vertex). From −2 downwards it
 // is a section, and then where its vertices' own begin (below 0: the whole mesh is carried).
 fn bent(ride: vec2f, number: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
+    return bent_at(0u, ride, number, position, normal, tangent);
+}
+
+// The same at one of the times that are held.
+fn bent_at(time: u32, ride: vec2f, number: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
     //#if SECTIONS
     if (ride.x <= -2.0) {
         var section = u32(-2.0 - ride.x);
@@ -156,13 +162,13 @@ fn bent(ride: vec2f, number: u32, position: vec3f, normal: vec3f, tangent: vec3f
             let vertex = u32(ride.y) + number;
             section += textureLoad(of_vertices, vec2u(vertex % VERTICES_WIDE, vertex / VERTICES_WIDE), 0).r;
         }
-        return carried(section, position, normal, tangent);
+        return carried(time, section, position, normal, tangent);
     }
     //#endif
     if (ride.x < 0.0) {
         return Bent(position, normal, tangent);
     }
-    let b = branches[u32(ride.x)];
+    let b = branches[time * BRANCHES + u32(ride.x)];
     var amplitude = b.still.xy;
     //#if MOTION
     amplitude += b.gain.x * swayed(b.still.zw);

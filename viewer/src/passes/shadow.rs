@@ -186,17 +186,7 @@ impl ShadowPass {
 
     /// Binds the leaves' masks anew, after a leaf was uploaded again.
     pub(crate) fn bind_masks(&mut self, gpu: &Gpu, drawn: Drawn<'_>, samplers: &Samplers) {
-        let group = |material: &MaterialOnGpu| {
-            let (layout, mask) = (self.mask_layout.as_ref()?, material.mask()?);
-            Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("shadow mask"),
-                layout,
-                entries: &[
-                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(mask) },
-                    wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) },
-                ],
-            }))
-        };
+        let group = |material| mask_group(gpu, self.mask_layout.as_ref()?, material, samplers);
         self.mask_groups = drawn.iter().map(|(_, _, material)| group(material)).collect();
     }
 
@@ -284,11 +274,30 @@ impl ShadowPass {
     }
 }
 
-fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+/// A leaf's mask for a pass that only cuts outlines; `None` for a material without one.
+pub(crate) fn mask_group(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    material: &MaterialOnGpu,
+    samplers: &Samplers,
+) -> Option<wgpu::BindGroup> {
+    let mask = material.mask()?;
+    Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("mask"),
+        layout,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(mask) },
+            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) },
+        ],
+    }))
+}
+
+/// The layout of [`mask_group`].
+pub(crate) fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let entry =
         |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None };
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("shadow mask"),
+        label: Some("mask"),
         entries: &[
             entry(
                 0,

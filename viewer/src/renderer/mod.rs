@@ -2,6 +2,7 @@
 
 mod change;
 mod measure;
+mod motion;
 mod targets;
 
 use crate::error::{Error, Result};
@@ -12,6 +13,7 @@ use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::bend::BendPass;
 use crate::passes::grass::{Aim, GrassPass};
 use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
+use crate::passes::motion::MotionPass;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::TonemapPass;
@@ -51,6 +53,8 @@ struct Loaded {
     seen_sky: Option<SkyPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
+    /// Made when motion vectors are first asked for.
+    motion: Option<MotionPass>,
     transfer: Option<TransferPass>,
     sun_shares: Option<Arc<Vec<u8>>>,
     extents: Extents,
@@ -162,6 +166,7 @@ impl Renderer {
             seen_sky,
             grass,
             bend,
+            motion: None,
             transfer,
             sun_shares: scene.sun_shares.clone(),
             ball: ball(&extents.corners(scene.wind.as_ref())),

@@ -1,0 +1,201 @@
+//! Motion vectors: how far what every pixel shows has moved in the picture since an earlier time and camera. Made only
+//! when someone asks for them; no other pass knows of them.
+
+use crate::geometry::vertex_layouts;
+use crate::gpu::Gpu;
+use crate::material::Samplers;
+use crate::passes::bend::{self, BendPass};
+use crate::passes::main::{DEPTH, Drawn};
+use crate::passes::shadow::{mask_group, mask_layout};
+use crate::scene::{Branch, Scene, Sections, Wind};
+use crate::shader::{Defines, assemble};
+use crate::stats::Stats;
+use crate::variant::Variant;
+use std::collections::HashMap;
+
+/// What the shader is told of the two cameras.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub(crate) struct Cameras {
+    pub now: [[f32; 4]; 4],
+    pub before: [[f32; 4]; 4],
+    pub half_size: [f32; 4],
+}
+
+pub(crate) struct MotionPass {
+    cameras: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    /// Both times of what moves, where anything does.
+    bend: Option<BendPass>,
+    /// By whether a mask cuts the outline, and whether something moves the vertices.
+    pipelines: HashMap<(bool, bool), wgpu::RenderPipeline>,
+    mask_layout: wgpu::BindGroupLayout,
+}
+
+impl MotionPass {
+    /// Makes what the batches of a scene need.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, drawn: Drawn<'_>, stats: &mut Stats) -> MotionPass {
+        let cameras = gpu.uniform("cameras of motion", &[Cameras::default()]);
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("cameras of motion"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("cameras of motion"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: cameras.as_entire_binding() }],
+        });
+        let bend = BendPass::at_times(gpu, scene, &[scene.wind.as_ref(); 2], stats);
+        let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
+        let sections = scene.sections.as_ref().map_or(0, |s| s.count);
+        for (batch, _, material) in drawn.iter() {
+            let (masked, bends) = (material.mask().is_some(), batch.variant.bend.any());
+            if !pass.pipelines.contains_key(&(masked, bends)) {
+                let made = pass.pipeline(gpu, &layout, masked, &batch.variant, sections);
+                stats.pipeline(&format!(
+                    "motion{}{}",
+                    if masked { ": masked" } else { "" },
+                    if bends { ", bend" } else { "" }
+                ));
+                pass.pipelines.insert((masked, bends), made);
+            }
+        }
+        pass
+    }
+
+    fn pipeline(
+        &self,
+        gpu: &Gpu,
+        cameras: &wgpu::BindGroupLayout,
+        masked: bool,
+        variant: &Variant,
+        sections: usize,
+    ) -> wgpu::RenderPipeline {
+        let defines = bend::defines_of_times(Defines::default(), &variant.bend, 2, sections).set("MASK", masked);
+        let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("motion.wgsl")), &defines);
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("motion"),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
+        let bends = variant.bend.any();
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("motion"),
+            bind_group_layouts: &[
+                Some(cameras),
+                masked.then_some(&self.mask_layout),
+                self.bend.as_ref().filter(|_| bends).map(BendPass::layout),
+            ],
+            immediate_size: 0,
+        });
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("motion"),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: Default::default(),
+                buffers: &vertex_layouts(false, false, masked, bends, false, false),
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options: Default::default(),
+                targets: &[Some(gpu.hdr_format(1).into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+
+    /// Takes over the cameras, and the wind at the picture's time and at the earlier one.
+    pub(crate) fn aim(
+        &self,
+        gpu: &Gpu,
+        cameras: Cameras,
+        branches: &[Branch],
+        sections: Option<&Sections>,
+        winds: [Option<&Wind>; 2],
+    ) {
+        gpu.queue.write_buffer(&self.cameras, 0, bytemuck::bytes_of(&cameras));
+        if let Some(bend) = &self.bend {
+            bend.set_times(gpu, branches, sections, &winds);
+        }
+    }
+
+    /// Draws into a target of pixels (x, y, 0, 1) that holds zeros where nothing is drawn.
+    pub(crate) fn draw(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        drawn: Drawn<'_>,
+        samplers: &Samplers,
+        [color, depth]: [&wgpu::TextureView; 2],
+        stats: &mut Stats,
+    ) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("motion"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: color,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: depth,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_bind_group(0, &self.group, &[]);
+        if let Some(bend) = &self.bend {
+            pass.set_bind_group(2, &bend.group, &[]);
+        }
+        for (batch, mesh, material) in drawn.iter() {
+            let mask = mask_group(gpu, &self.mask_layout, material, samplers);
+            let bends = batch.variant.bend.any();
+            let Some(pipeline) = self.pipelines.get(&(mask.is_some(), bends)) else { continue };
+            pass.set_pipeline(pipeline);
+            if let Some(mask) = &mask {
+                pass.set_bind_group(1, mask, &[]);
+            }
+            let buffers = [
+                Some(&mesh.positions),
+                mesh.uvs.as_ref().filter(|_| mask.is_some()),
+                Some(batch.levels.enlarged().unwrap_or(&batch.instances)),
+                batch.rides.as_ref().filter(|_| bends),
+            ];
+            for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
+                pass.set_vertex_buffer(slot as u32, buffer.slice(..));
+            }
+            pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+            for (indices, instances) in batch.levels.runs() {
+                pass.draw_indexed(indices, 0, instances);
+                stats.draws += 1;
+            }
+        }
+    }
+}
