@@ -32,6 +32,9 @@ pub struct Args {
     /// Pixels (default: the scene's check.width and check.height)
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
     size: Option<[u32; 2]>,
+    /// Also write motion vectors, frame-00000.motion.exr and so on: pixels to the right and down since the frame before
+    #[arg(long)]
+    motion: bool,
     /// Draw anew although the folder holds another film
     #[arg(long)]
     force: bool,
@@ -56,6 +59,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         to: args.to,
         fps: args.fps,
         size: args.size,
+        motion: args.motion,
         force: args.force,
     };
     // All that can be refused is refused before a fit is made.

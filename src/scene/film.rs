@@ -9,8 +9,9 @@ use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::traced::{made_from, views};
 use crate::{Error, Result};
+use mesophyll_files::image::{self, Maps, Packing};
 use mesophyll_files::progress::{self, Bar};
-use mesophyll_files::{atomic, hash, image};
+use mesophyll_files::{atomic, hash};
 use mesophyll_viewer as viewer;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -30,6 +31,8 @@ pub struct Options {
     pub fps: f64,
     /// Pixels across and down; those of the scene's check when absent.
     pub size: Option<[u32; 2]>,
+    /// Writes motion vectors beside every frame.
+    pub motion: bool,
     /// Takes the place of another film in the same folder.
     pub force: bool,
 }
@@ -63,6 +66,12 @@ impl Film {
     /// The file of frame `k`.
     pub fn frame(&self, folder: &Path, k: u32) -> PathBuf {
         folder.join(format!("frame-{k:05}.png"))
+    }
+
+    /// The file of its motion vectors: pixels to the right (`motion.X`) and down (`motion.Y`) since the frame before,
+    /// NaN where nothing is drawn.
+    pub fn motion(&self, folder: &Path, k: u32) -> PathBuf {
+        folder.join(format!("frame-{k:05}.motion.exr"))
     }
 
     /// The wind's time of frame `k` (s).
@@ -127,7 +136,8 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     let mut kept = 0;
     for k in 0..frames {
         let file = film.frame(&options.out, k);
-        if file.is_file() {
+        let vectors = film.motion(&options.out, k);
+        if file.is_file() && (!options.motion || vectors.is_file()) {
             kept += 1;
             bar.advance(1);
             continue;
@@ -146,6 +156,18 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
         if let Some(wind) = &mut drawn.wind {
             wind.time_s = film.time(k);
             renderer.set_time(wind);
+        }
+        if options.motion {
+            let mut before = drawn.wind.clone();
+            if let Some(wind) = &mut before {
+                wind.time_s -= 1.0 / film.fps;
+            }
+            let [width, height] = film.size;
+            let moved = renderer.motion(&drawn, &camera, &camera, before.as_ref(), width, height).map_err(drawn_by)?;
+            let axis = |c: usize| moved.iter().map(|m| m.map_or(f32::NAN, |m| m[c])).collect::<Vec<f32>>();
+            let channels = vec![("motion.X".to_string(), axis(0)), ("motion.Y".to_string(), axis(1))];
+            let maps = Maps { width: width as usize, height: height as usize, channels };
+            image::write_exr(&vectors, &maps, Packing::Zip)?;
         }
         let picture = renderer.render(&camera, film.size[0], film.size[1]).map_err(drawn_by)?;
         image::write_png(&file, picture.width as usize, picture.height as usize, picture.ldr.as_flattened())?;
@@ -219,11 +241,12 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
     atomic::write_bytes(&record, json.as_bytes())
 }
 
-/// Whether a file is a frame, by its name.
+/// Whether a file is a frame or its motion vectors, by its name.
 fn is_frame(entry: &std::fs::DirEntry) -> bool {
     let name = entry.file_name();
     let name = name.to_string_lossy();
-    name.strip_prefix("frame-").and_then(|n| n.strip_suffix(".png")).is_some_and(|n| n.parse::<u32>().is_ok())
+    let number = name.strip_prefix("frame-").and_then(|n| n.strip_suffix(".png").or(n.strip_suffix(".motion.exr")));
+    number.is_some_and(|n| n.parse::<u32>().is_ok())
 }
 
 fn has_frames(folder: &Path) -> bool {

@@ -68,6 +68,20 @@ fn a_film_shows_the_wind_and_goes_on() {
     assert!((0..3).all(|k| frame(k).as_ref() == Some(&first[k as usize])) && frame(3).is_some());
     assert_eq!(kept, written(0));
 
+    // Motion vectors are added to frames that are there already. What covers a pixel has one, the sky has none, and the
+    // wind moves something.
+    let vectors = |k: u32| folder.path().join(format!("film/frame-{k:05}.motion.exr"));
+    assert!(!vectors(0).exists());
+    let (code, told) = film(folder.path(), &["--from", "2", "--to", "2.2", "--fps", "10", "--motion"]);
+    assert_eq!(code, Some(0), "{told}");
+    assert!((0..4).all(|k| frame(k).is_some()) && frame(0).as_ref() == Some(&first[0]) && !vectors(2).exists());
+    let maps = mesophyll::files::image::read_exr(&vectors(1)).unwrap();
+    assert_eq!((maps.width, maps.height), (40, 30));
+    let [x, y] = ["motion.X", "motion.Y"].map(|c| maps.get(c).unwrap());
+    let lengths: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
+    let moved = lengths.iter().filter(|l| **l > 1e-3).count();
+    assert!(moved > 20 && lengths.iter().any(|l| l.is_nan()) && x.iter().zip(y).all(|(x, y)| x.is_nan() == y.is_nan()));
+
     // Another film is not mixed with this one.
     let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10"]);
     assert_eq!(code, Some(2), "{told}");
@@ -75,7 +89,7 @@ fn a_film_shows_the_wind_and_goes_on() {
     assert_eq!(frame(0).as_ref(), Some(&first[0]));
     let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10", "--force"]);
     assert_eq!(code, Some(0), "{told}");
-    assert!(frame(0).as_ref() != Some(&first[0]) && frame(1).is_none());
+    assert!(frame(0).as_ref() != Some(&first[0]) && frame(1).is_none() && !vectors(0).exists());
 
     // Nor is one overwritten whose record cannot be read; and a refused size does not keep the folder.
     std::fs::write(folder.path().join("film/film.json"), "{\"film\": \"x\"}").unwrap();

@@ -58,8 +58,8 @@ impl Kind<'_> {
         match self {
             Kind::Fit(_) => &["toml", "exr", "png", "glb", "json"],
             Kind::Capture => &["exr"],
-            Kind::Scene | Kind::Maps | Kind::Film => &["json", "png"],
-            Kind::Render => &["json", "png", "exr"],
+            Kind::Scene | Kind::Maps => &["json", "png"],
+            Kind::Film | Kind::Render => &["json", "png", "exr"],
             Kind::Bench => &["json"],
             Kind::Pivots => &["json", "exr", "glb"],
             Kind::Import => &["json", "csv"],
@@ -296,7 +296,8 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
 
 /// Whether `name` is one of the frames of the film in `home`.
 fn is_frame(home: &Path, name: &str) -> bool {
-    !marks(home, Kind::Film).is_empty() && name.starts_with("frame-") && name.ends_with(".png")
+    let ending = name.ends_with(".png") || name.ends_with(".motion.exr");
+    !marks(home, Kind::Film).is_empty() && name.starts_with("frame-") && ending
 }
 
 fn ending(path: &Path) -> Option<String> {
