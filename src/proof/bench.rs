@@ -1,4 +1,4 @@
-//! A row of `mesophyll bench`: what one setting of an accuracy knob costs and what it buys.
+//! A row of `mesophyll bench`: what one setting of an accuracy knob costs in time and what accuracy it gives.
 
 use serde::Serialize;
 use std::time::Instant;
@@ -12,11 +12,11 @@ pub struct BenchRow {
     pub knob: String,
     /// The knob's setting, with no unit.
     pub setting: String,
-    /// Error of the result (relative unless `note` says otherwise); what it is measured on stands in `note`.
+    /// Error of the result (relative unless `note` says otherwise). `note` says what it is measured on.
     pub error: f64,
     /// Run time of one evaluation or fit (µs), the median of several.
     pub us: f64,
-    /// What the error is measured on, and what else is to be known; may be empty.
+    /// What the error is measured on, and other remarks; may be empty.
     pub note: String,
 }
 

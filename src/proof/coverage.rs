@@ -1,9 +1,9 @@
-//! Whether stated errors are right: over 10,000 synthetic texels, how many truths lie inside their 95 % intervals,
-//! parameter by parameter.
+//! Whether stated errors are right. Over 10,000 synthetic texels, it counts how many truths lie inside their 95 %
+//! intervals, parameter by parameter.
 //!
-//! Traces come from the scan's own integral (`capture::synth`), slabs from the exact solution: neither is what the fits
-//! compute with. Values that a fit flags as undetermined make no promise; they are counted, and so is how many of them
-//! their errors cover all the same.
+//! Traces come from the scan's own integral (`capture::synth`) and slabs from the exact solution; the fits compute with
+//! neither. Values that a fit flags as undetermined promise nothing. They are counted separately, and so are those of
+//! them whose truth lies inside the interval.
 
 use crate::stress::StressRow;
 use mesophyll_capture::manifest;
@@ -17,14 +17,14 @@ use mesophyll_optics::slab::{exact, inverse};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Texels of every set.
+/// Number of texels in every set.
 pub const TEXELS: usize = 10_000;
-/// Share of truths that 95 % intervals must hold.
+/// Share of truths that 95 % intervals must contain.
 const RIGHT: std::ops::RangeInclusive<f64> = 0.93..=0.97;
-/// Leaves that the texels of the leaf-wide set are spread over: each has σa and σs of its own.
+/// Number of leaves in the leaf-wide set; each leaf has its own σa and σs.
 const LEAVES: usize = 400;
 
-/// Intervals of one parameter that hold the truth, among those promised and among those flagged.
+/// How many intervals of one parameter contain the truth, among the promised and among the flagged values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Count {
     /// Truths inside their interval, of those promised.
@@ -57,7 +57,7 @@ impl Count {
         self
     }
 
-    /// Share of the promised intervals that hold the truth, 0 to 1.
+    /// Share of the promised intervals that contain the truth, 0 to 1.
     pub fn share(&self) -> f64 {
         self.inside as f64 / self.promised as f64
     }
@@ -101,7 +101,7 @@ pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
         };
         let (tx, ty) = (trace(0, &x), trace(1, &y));
         let fit = fitter.fit(workspace, texel, &tx, Some(&ty));
-        // A defect takes the promise from every parameter.
+        // A defect means that no parameter is promised.
         let flagged = |what: Undetermined| fit.defect.is_some() || fit.undetermined.contains(what);
         let mut counts = Counts::<5>::default();
         for c in 0..3 {
@@ -133,8 +133,8 @@ pub fn slabs(count: usize, seed: u64) -> Counts<2> {
     (0..count).into_par_iter().map(one).reduce(Default::default, sum)
 }
 
-/// Shared σa and σs, thickness h + δ and γ of `leaves` leaves of 25 texels each, ρd and ρt measured to 1 %: what the
-/// joint problem says.
+/// Shared σa and σs, thickness h + δ and γ of `leaves` leaves of 25 texels each, with ρd and ρt measured to 1 %, as the
+/// joint problem fits them.
 pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
     let one = |k: usize| {
         let mut noise = Noise::new(seed + k as u64);
@@ -194,7 +194,7 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
     (0..leaves).into_par_iter().map(one).reduce(Default::default, sum)
 }
 
-/// What a right count must begin with.
+/// The start of the verdict of a count that is right.
 const EXPECTED: &str = "93 to 97 % inside";
 
 fn row(case: &str, count: &Count, ms: f64) -> StressRow {
@@ -257,8 +257,8 @@ mod tests {
         assert_eq!((flagged.promised, flagged.flagged, flagged.flagged_inside), (right.promised, 1, 0));
     }
 
-    /// A tenth of the set, within three and a half standard deviations of 95 %; whole in `stress coverage`, and here
-    /// when asked for.
+    /// A tenth of the set must be within three and a half standard deviations of 95 %. The whole set runs in `stress
+    /// coverage`, and here when asked for.
     #[test]
     fn intervals_hold_the_truth_as_often_as_they_say() {
         let close = |name: &str, count: &Count| {

@@ -1,6 +1,6 @@
-//! What proves the fits: error against run time (`bench`), extreme cases with the verdict that each must get
-//! (`stress`), certified regression problems (`nist`), coverage of stated errors, other programs (`peers`), and the
-//! numbers behind the pictures of the documentation.
+//! The proof that the fits are right: error against run time (`bench`), extreme cases with the verdict that each must
+//! get (`stress`), certified regression problems (`nist`), coverage of stated errors, comparisons with other programs
+//! (`peers`), and the numbers behind the pictures of the documentation.
 
 #![warn(missing_docs)]
 

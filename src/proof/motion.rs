@@ -1,4 +1,4 @@
-//! Whether the errors of fitted motions are right, and what becomes of motions that are hard to fit.
+//! Whether the errors of fitted motions are right, and what the fit says of motions that are hard to fit.
 //!
 //! Motions are made by an inverse transform eight times as long as the record, with random sizes and phases: a Gaussian
 //! motion of known spectrum that does not repeat within the record.
@@ -12,12 +12,12 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-/// Motions of the set that coverage is counted over.
+/// Number of motions in the set over which coverage is counted.
 pub const MOTIONS: usize = 400;
-/// Share of truths that 95 % intervals must hold.
+/// Share of truths that 95 % intervals must contain.
 const RIGHT: std::ops::RangeInclusive<f64> = 0.93..=0.97;
 
-/// A motion that is known.
+/// A motion whose parameters are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// f_h (Hz).
@@ -30,7 +30,7 @@ pub struct Truth {
     pub speed: f64,
 }
 
-/// A record of `readings` readings `step` (s) apart.
+/// A record of `readings` readings at intervals of `step` (s).
 pub fn record(truth: &Truth, readings: usize, step: f64, channels: usize, noise: f64, seed: u64) -> Record {
     let mut chance = Noise::new(seed);
     let damping = truth.ratio * 2.0 * TAU * truth.resonance;
@@ -42,7 +42,8 @@ pub fn record(truth: &Truth, readings: usize, step: f64, channels: usize, noise:
         for k in 1..n / 2 {
             let f = k as f64 * spacing;
             let density = (truth.gain * oscillator.response(f)).powi(2) * (1.0 + f / truth.speed).powf(-5.0 / 3.0);
-            // Half of a one-sided density on each side, half of it in each part.
+            // Half of a one-sided density belongs to each side, and half of that to each of the real and imaginary
+            // parts.
             let size = (0.25 * density * spacing).sqrt();
             line[k] = Complex::new(size * chance.normal(), size * chance.normal());
             line[n - k] = line[k].conj();
@@ -53,7 +54,8 @@ pub fn record(truth: &Truth, readings: usize, step: f64, channels: usize, noise:
     Record { step, channels: (0..channels).map(|_| one(&mut chance)).collect() }
 }
 
-/// How many 95 % intervals of resonance, damping and gain hold the truth, and how many motions were promised.
+/// How many 95 % intervals of resonance, damping and gain contain the truth, and for how many motions values were
+/// promised.
 pub fn coverage(motions: usize, seed: u64) -> ([usize; 3], usize) {
     let inside = |k: usize| -> Option<[bool; 3]> {
         let mut chance = Noise::new(seed + k as u64);
@@ -141,7 +143,7 @@ mod tests {
         let (inside, promised) = coverage(24, 400);
         assert!(promised >= 20, "{promised}");
         for count in inside {
-            // 95 % of 24, within three standard deviations of the count.
+            // 95 % of 24 intervals, within three standard deviations of the count.
             assert!(count as f64 >= 0.95 * promised as f64 - 3.2, "{inside:?} of {promised}");
         }
     }

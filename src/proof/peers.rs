@@ -1,5 +1,5 @@
 //! What the peers of `bench --peers` are measured on: the same inputs for them and for us, written as files that their
-//! scripts read, and our own row on them. Seeded: the inputs are the same in every run.
+//! scripts read, and our own row for these inputs. Seeded, so the inputs are the same in every run.
 
 use crate::bench::{BenchRow, median_us};
 use crate::nist;
@@ -14,9 +14,9 @@ use mesophyll_optics::tube::Travel;
 pub struct Inputs {
     /// Name and bytes of every file.
     pub files: Vec<(String, Vec<u8>)>,
-    /// What this program makes of the same inputs.
+    /// This program's results for the same inputs.
     pub ours: Vec<BenchRow>,
-    /// Where both are measured in turns: our time (µs) for what the script names.
+    /// Where both are measured in turns: our time (µs) for the work that the script names.
     pub turn: Option<Box<dyn Fn(&str) -> f64>>,
 }
 
@@ -27,13 +27,13 @@ pub struct Inputs {
 pub fn nist() -> Result<Inputs> {
     Ok(Inputs {
         files: nist::FILES.iter().map(|(name, text)| (format!("{name}.dat"), text.as_bytes().to_vec())).collect(),
-        // The sweep itself has our rows.
+        // The sweep itself already has our rows.
         ours: Vec::new(),
         turn: None,
     })
 }
 
-/// Our row: median of `errors` (NaN: refused, counted as the largest).
+/// Our row: the median of `errors` (NaN means refused, and counts as the largest).
 fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
     errors.sort_by(f64::total_cmp);
     let refused = errors.iter().filter(|e| e.is_nan()).count();
@@ -60,7 +60,7 @@ pub fn slab() -> Inputs {
     let forward_errors = slabs.iter().map(|s| forward_error(s, forward(s)));
     let inverse = |s: &Slab| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-6, 1e-6);
     let inverse_errors = slabs.iter().map(|s| {
-        // As the peers are judged: single-scattering albedo and optical thickness.
+        // The peers are judged by the same numbers: single-scattering albedo and optical thickness.
         let e = inverse(s);
         let delta = e.sigma_a + e.sigma_s;
         larger((e.sigma_s / delta / s.omega - 1.0).abs(), (delta / s.delta - 1.0).abs())

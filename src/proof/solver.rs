@@ -1,4 +1,4 @@
-//! The solver's own stiff and extreme cases: problems without any model's name, each with the verdict that it must get.
+//! The solver's own stiff and extreme cases: problems that belong to no model, each with the verdict that it must get.
 
 use crate::precise::{Auto, Dd, Model, Real, refined};
 use crate::stress::StressRow;
@@ -7,8 +7,8 @@ use mesophyll_solve::{Closure, Fit, Noise, Options, Problem, linear, lm};
 use nalgebra::DMatrix;
 use std::time::Instant;
 
-/// What a fit may be used for: `ok` where every relative standard error is at most 10 %, `undetermined: b1 b3`
-/// (numbered from 1) where some are not, or `refused: ` and why nothing was fitted.
+/// What a fit may be used for: `ok` where every relative standard error is at most 10 %; `undetermined: b1 b3`
+/// (numbered from 1) where some are larger; `refused: ` and the reason where nothing was fitted.
 pub fn verdict(fit: &Fit) -> String {
     if !fit.converged() {
         return format!("refused: {}", fit.termination.name());
@@ -18,7 +18,7 @@ pub fn verdict(fit: &Fit) -> String {
     if unknown.is_empty() { "ok".into() } else { format!("undetermined: {}", unknown.join(" ")) }
 }
 
-/// A case: what it must come to, and the right answer where there is one (NaN for parameters that have none).
+/// A case: the verdict that it must get, and the right answer where there is one (NaN for parameters without one).
 struct Case {
     name: &'static str,
     expected: &'static str,
@@ -30,7 +30,7 @@ fn case(name: &'static str, expected: &'static str, truth: &[f64], solve: impl F
     Case { name, expected, truth: truth.to_vec(), solve: Box::new(solve) }
 }
 
-/// Digits of the worst parameter that has a right answer, at most 16.
+/// Correct digits of the worst parameter that has a right answer, at most 16.
 fn digits(fit: &Fit, truth: &[f64]) -> Option<f64> {
     let each = fit.params.iter().zip(truth).filter(|(_, t)| t.is_finite());
     each.map(|(p, t)| {
@@ -88,7 +88,7 @@ impl Model<10> for Powers {
     }
 }
 
-/// Entries 1/(i + j + 1), and the right side that makes every coefficient 1.
+/// The matrix with the entries 1/(i + j + 1), and the right side for which every coefficient is 1.
 fn hilbert(n: usize) -> Fit {
     let a = DMatrix::from_fn(n + 6, n, |i, j| 1.0 / (i + j + 1) as f64);
     let b: Vec<f64> = (0..n + 6).map(|i| a.row(i).sum()).collect();
@@ -182,7 +182,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Two directions are lost, and every coefficient takes part in them.
+/// Two directions are undetermined, and every coefficient takes part in them.
 const HILBERT_14: &str = "undetermined: b1 b2 b3 b4 b5 b6 b7 b8 b9 b10 b11 b12 b13 b14";
 
 #[cfg(test)]
@@ -195,7 +195,7 @@ mod tests {
             println!("{:50} {:40} {:?} {:?}", row.case, row.verdict, row.digits, row.condition);
             assert_eq!(row.verdict, row.expected, "{}", row.case);
             if row.expected == "ok" {
-                // Half of double precision at least, times what the condition number takes.
+                // At least half of the digits of double precision, or those that the condition number leaves.
                 let promised = 8.0_f64.min(15.0 - row.condition.unwrap_or(1.0).log10());
                 assert!(row.digits.unwrap_or(0.0) > promised, "{}: {:?} digits", row.case, row.digits);
             }

@@ -1,4 +1,4 @@
-//! A row of `mesophyll stress`: what a stiff or extreme case had to come to, and what it came to.
+//! A row of `mesophyll stress`: the verdict that a stiff or extreme case had to get, and the one that it got.
 
 use serde::Serialize;
 
@@ -22,8 +22,8 @@ pub struct StressRow {
 }
 
 impl StressRow {
-    /// Whether the case got the verdict that it expects. `ok` is `ok` alone; the others may go on with a bound:
-    /// `undetermined: sigma_a <= 0.02`.
+    /// Whether the case got the verdict that it expects. `ok` must be exactly `ok`; the others may continue with a
+    /// bound: `undetermined: sigma_a <= 0.02`.
     pub fn passed(&self) -> bool {
         self.verdict == self.expected || (self.expected != "ok" && self.verdict.starts_with(&self.expected))
     }

@@ -1,4 +1,4 @@
-//! Light between the leaves of a cluster: anchors, paths and bands of the light, each by error, time and bytes.
+//! Light between the leaves of a cluster: error, time and bytes for different numbers of anchors, paths and bands.
 
 use crate::Result;
 use crate::bench::BenchRow;
@@ -13,15 +13,15 @@ use std::time::Instant;
 
 /// Steps of the sweep's bar.
 pub const PIECES: u64 = 4;
-/// Leaves that are looked at, and every so many of their vertices.
+/// The leaves that are compared, and the step between the vertices of a leaf that are compared.
 const LEAVES: [usize; 3] = [3, 11, 20];
 const VERTICES: usize = 9;
-/// Of the truth at a vertex.
+/// Number of paths for the truth at a vertex.
 const MANY: u32 = 1 << 14;
 const SKY: f64 = 0.35;
 const SUN: f64 = 2.5;
 
-/// Irradiance of front and back, over π.
+/// Irradiance of front and back, divided by π.
 type Both = [f64; 2];
 
 /// The sweep.
@@ -54,7 +54,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
 }
 
 struct Bench<'a> {
-    /// Of the vertices of each leaf that is looked at.
+    /// The truth at the vertices of each leaf that is compared.
     truth: Vec<Vec<Both>>,
     tracer: &'a Tracer<'a>,
     world: &'a World,
@@ -62,7 +62,7 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// What arrives at anchors of an instance, front and back, and the mesh's normals there.
+    /// The light that arrives at the anchors of an instance, front and back, and the mesh's normals there.
     fn arriving(&self, instance: usize, anchors: &[Anchor], columns: Columns, paths: u32) -> Result<Vec<[DVec3; 2]>> {
         let request = Request { columns, paths, seed: 7 };
         let found = measure(self.tracer, &Receiver { instance, anchors, rows: Rows::Both }, &request);
@@ -79,7 +79,7 @@ impl Bench<'_> {
         Ok(vectors.collect())
     }
 
-    /// Of each column: light of sky and sun, and of the sky alone.
+    /// For each column: the light of sky and sun together, and that of the sky alone.
     fn light(&self, columns: Columns) -> Vec<[f64; 2]> {
         let Columns::Harmonics(bands) = columns else { return vec![[1.0, 0.0]] };
         let mut sun = vec![0.0; bands * bands];
@@ -100,7 +100,7 @@ impl Bench<'_> {
         (0..self.world.leaves[self.world.instances[instance].leaf].mesh.positions.len()).step_by(VERTICES)
     }
 
-    /// By many paths from every vertex itself.
+    /// The truth, by many paths from every vertex itself.
     fn truth(&self) -> Result<Vec<Vec<Both>>> {
         let of = |instance: &usize| {
             let indices = &self.world.leaves[self.world.instances[*instance].leaf].mesh.indices;
@@ -116,7 +116,7 @@ impl Bench<'_> {
         LEAVES.iter().map(of).collect()
     }
 
-    /// Root of the mean squared error over the mean irradiance.
+    /// Root mean square error, divided by the mean irradiance.
     fn error(&self, found: &[Vec<Both>]) -> f64 {
         let pairs = || found.iter().flatten().flatten().zip(self.truth.iter().flatten().flatten());
         let count = pairs().count() as f64;
@@ -124,7 +124,7 @@ impl Bench<'_> {
         (pairs().map(|(f, t)| (f - t).powi(2)).sum::<f64>() / count).sqrt() / mean
     }
 
-    /// Every leaf as if it stood alone.
+    /// The error when every leaf is treated as if it stood alone.
     fn alone(&self) -> BenchRow {
         let found: Vec<Vec<Both>> = self.truth.iter().map(|t| vec![[SKY; 2]; t.len()]).collect();
         let note = "no light between leaves: the sky all around, the sun by shadows alone; 0 bytes".into();

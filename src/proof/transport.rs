@@ -1,5 +1,5 @@
-//! Light between leaves in stiff and extreme scenes, with the verdict that each must get. Answers are known in closed
-//! form, so that the digits are of the radiance; chance is allowed four standard errors.
+//! Light between leaves in stiff and extreme scenes, each with the verdict that it must get. The answers are known in
+//! closed form, so digits are those of the radiance. Four standard errors are allowed for chance.
 
 use crate::stress::StressRow;
 use glam::{DMat4, DQuat, DVec2, DVec3};
@@ -37,7 +37,7 @@ fn side(rho_d: f64, rho_t: f64) -> ReferenceSide {
     ReferenceSide { interior: Interior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) }, gloss: None, normal: None }
 }
 
-/// A level square, its front up, 2 m wide, in `n` by `n` pieces.
+/// A level square, front up, 2 m wide, of `n` by `n` pieces.
 pub(crate) fn square(n: u32) -> ReferenceMesh {
     let mut mesh = ReferenceMesh::default();
     for j in 0..=n {
@@ -74,9 +74,9 @@ pub(crate) fn stack(of: &[(f64, f64, f64)]) -> World {
     }
 }
 
-/// What two equal wide sheets send back of a sky that is 1 all around.
+/// The radiance that two equal wide sheets reflect of a sky that is 1 all around.
 fn two_sheets(rho: f64, tau: f64) -> f64 {
-    // Between them the light is the same up and down: L = τ + ρ L.
+    // Between the sheets the light is the same upward and downward: L = τ + ρ L.
     rho + tau * tau / (1.0 - rho)
 }
 
@@ -105,12 +105,13 @@ fn million() -> World {
     world
 }
 
-/// From obliquely above towards the middle.
+/// Looks at the middle obliquely from above.
 fn look(world: &World, case: &str, want: f64, at_most: f64) -> StressRow {
     from(world, case, want, at_most, DVec3::new(200.0, 100.0, 400.0), DVec3::new(0.3, 0.2, 0.0))
 }
 
-/// Radiance along one line of sight against what is known of it; the standard error must be at most `at_most` of it.
+/// Compares the radiance along one line of sight with its known value. The standard error must be at most `at_most` of
+/// it.
 fn from(world: &World, case: &str, want: f64, at_most: f64, eye: DVec3, target: DVec3) -> StressRow {
     let clock = Instant::now();
     let (verdict, digits) = match Tracer::new(world, Paths::default()) {
@@ -147,7 +148,7 @@ fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, since: 
     }
 }
 
-/// Under a sky that is 1 all around.
+/// The case under a sky that is 1 all around.
 fn sky_alone(case: &str, world: World, want: f64) -> StressRow {
     look(&World { sky: Some([1.0; 3]), ..world }, case, want, 0.02)
 }
@@ -158,7 +159,7 @@ fn sun(case: &str, zenith: f64, want: f64) -> StressRow {
     look(&World { sun, ..stack(&[(0.0, 0.3, 0.4)]) }, case, want, 1e-6)
 }
 
-/// Ground 40 m wide under an opaque, black roof 10 mm above it: in the middle it is dark.
+/// Ground of 40 m under an opaque, black roof 10 mm above it: it is dark in the middle.
 fn gap() -> StressRow {
     let mut world = stack(&[(10.0, 0.0, 0.0), (0.0, 0.9, 0.0)]);
     for instance in &mut world.instances {
@@ -168,14 +169,15 @@ fn gap() -> StressRow {
     from(&world, "40 m under a roof 10 mm above", 0.0, 1e-4, DVec3::new(50.0, 20.0, 9.0), DVec3::new(3.0, 2.0, 0.0))
 }
 
-/// A map that is black but for one texel, as bright as the sun: its light is known from its radiance and its place.
+/// A map that is black except for one texel, which is as bright as the sun. Its light follows from its radiance and
+/// place.
 fn pixel_sun() -> StressRow {
     let (columns, rows) = (512usize, 256usize);
     let (i, j) = (100usize, 60usize);
     let mut texels = vec![[0f32; 3]; columns * rows];
     texels[j * columns + i] = [1e5; 3];
     let mut world = stack(&[(0.0, 0.3, 0.4)]);
-    // The bilinear hat over its neighbours, integrated on a grid of its own.
+    // The bilinear hat of the texel over its neighbours, integrated on a separate grid.
     let n = 400;
     let mut irradiance = 0.0;
     for a in 0..n {

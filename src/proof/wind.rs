@@ -13,9 +13,9 @@ use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 use std::time::Instant;
 
-/// The most that a length may change, relative, and a gap between child and parent over the parent's radius.
+/// Largest relative change of a length, and largest gap between child and parent relative to the parent's radius.
 const MOST: f64 = 1e-3;
-/// Branches that grow on one trunk; of so many every hundredth is looked at.
+/// Number of branches on one trunk; every hundredth of them is checked.
 const CHILDREN: usize = 10_000;
 
 /// A bird cherry of three years.
@@ -24,7 +24,7 @@ fn sapling() -> Result<Plant, String> {
     toml::from_str::<Spec>(text).map(|spec| grow(&spec, None)).map_err(|e| e.to_string())
 }
 
-/// The largest change of a length and of a gap of a posed plant, as shares of what they may be.
+/// The largest change of a length and the largest gap in a posed plant, relative to what is allowed.
 fn off(rest: &Plant, now: &Plant) -> f64 {
     let share = |(a, b): (&Branch, &Branch)| {
         let length = a.length();
@@ -35,7 +35,7 @@ fn off(rest: &Plant, now: &Plant) -> f64 {
             let radius = rest.branches[joint.branch].radius(joint.at).max(1e-3);
             (of(now, b) - of(rest, a)).abs() / radius
         });
-        // A number that is not finite must not pass.
+        // A number that is not finite must fail.
         let worst = if stretched.is_nan() || gap.is_nan() { f64::INFINITY } else { stretched.max(gap) };
         worst / MOST
     };
@@ -43,7 +43,7 @@ fn off(rest: &Plant, now: &Plant) -> f64 {
     rest.branches.iter().zip(&now.branches).step_by(step).map(share).fold(0.0, f64::max)
 }
 
-/// A row for a plant whose tips go by `tip` of their length, each branch another way.
+/// A row for a plant whose tips move by `tip` of their length, each branch in another direction.
 fn posed(case: &str, plant: &Plant, tip: f64) -> StressRow {
     let clock = Instant::now();
     let limbs = Limbs::new(plant, basis::shape);
@@ -96,8 +96,9 @@ fn brush(sapling: &Plant) -> Plant {
     plant
 }
 
-/// Gusts of a branch over ten minutes from a time on, second by second: finite, of the variance that the spectrum has
-/// (to 30 %, which is about four standard deviations of so many readings), and none beyond six standard deviations.
+/// Gusts of a branch over ten minutes from a given time, second by second. They must be finite and have the variance of
+/// the spectrum (to 30 %, about four standard deviations for this many readings), and none may exceed six standard
+/// deviations.
 fn gusts(case: &str, start: f64) -> StressRow {
     let clock = Instant::now();
     let oscillator = Oscillator::of_branch(1.0, false, 0.15);
@@ -109,7 +110,7 @@ fn gusts(case: &str, start: f64) -> StressRow {
             let seen: Vec<f64> = (0..600).flat_map(|k| motion.sample(line.at(start + f64::from(k)))).collect();
             let largest = seen.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
             let variance = seen.iter().map(|v| v * v).sum::<f64>() / seen.len() as f64;
-            // The spectrum in small steps, from the lowest frequencies that ten minutes show.
+            // The spectrum in small steps, from the lowest frequencies that ten minutes contain.
             let step = sway.highest() / 50_000.0;
             let wanted: f64 = (0..50_000).map(|k| sway.spectrum((f64::from(k) + 0.5) * step) * step).sum();
             let off = variance / wanted - 1.0;
@@ -122,7 +123,7 @@ fn gusts(case: &str, start: f64) -> StressRow {
     row(case, "ok", verdict, None, clock.elapsed().as_secs_f64() * 1e3)
 }
 
-/// What becomes of a file with these nodes.
+/// The result of reading a file with these nodes.
 fn read(case: &str, expected: &str, nodes: &str) -> StressRow {
     let clock = Instant::now();
     let text = format!(r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{nodes}]}}"#);
@@ -142,7 +143,7 @@ fn read(case: &str, expected: &str, nodes: &str) -> StressRow {
 /// The cases of `stress wind`.
 ///
 /// # Errors
-/// [`crate::Error::Missed`] where the sapling that is bent is no plant.
+/// [`crate::Error::Missed`] where the sapling that is bent is not a plant.
 pub fn rows() -> crate::Result<Vec<StressRow>> {
     let plant = sapling().map_err(crate::Error::Missed)?;
     let mut out = vec![
@@ -179,7 +180,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
     out.push(read("a file with two branches of one name", "refused", &same));
     let roots =
         [r#"{"children":[1,2]}"#.into(), branch("a", ""), branch("b", "")].join(",").replace(r#""children":[],"#, "");
-    // Shrubs have several trunks.
+    // Shrubs may have several trunks.
     out.push(read("a file with two trunks", "ok, 2 branches", &roots));
     Ok(out)
 }

@@ -1,5 +1,5 @@
-//! The error histograms of the directional bases (H7 Fig. 12): how far what a few functions hold is from the full
-//! convolution, at three light angles.
+//! The error histograms of the directional bases (H7 Fig. 12): how far the reconstruction by a few functions is from
+//! the full convolution, at three light angles.
 
 use super::rows::COLORS;
 use crate::{Error, Result};
@@ -16,11 +16,11 @@ type Drawn = std::result::Result<(), String>;
 
 /// Light angles over the blade, in the order of an outcome's spreads.
 const ANGLES: [&str; 3] = ["π/2", "π/4", "π/8"];
-/// A panel's size, and the height of what stands over all of them.
+/// Size of a panel, and height of the part above all panels.
 const PANEL: (u32, u32) = (370, 240);
 const HEAD: u32 = 74;
-/// Colours and widths, by place: the first is drawn first; the second is wide, because with the light straight above
-/// the third lies on it.
+/// Colours and widths of the lines, in the order in which they are drawn. The second is wide, because the third lies on
+/// it when the light is straight above.
 const INKS: [RGBColor; 4] = [COLORS[6], COLORS[4], COLORS[1], COLORS[2]];
 const WIDTHS: [u32; 4] = [2, 5, 2, 2];
 
@@ -39,7 +39,7 @@ fn text(e: impl std::fmt::Display) -> String {
     format!("cannot draw: {e}")
 }
 
-/// A row a case, a column a light angle; a line a basis.
+/// One row for each case, one column for each light angle, one line for each basis.
 pub fn draw(cases: &[Vec<Outcome>]) -> std::result::Result<String, String> {
     let mut svg = String::new();
     {
@@ -72,12 +72,12 @@ fn legend(area: &Area, outcomes: &[Outcome]) -> Drawn {
     Ok(())
 }
 
-/// The candidate with how many coefficients it stores.
+/// The name of the candidate with its number of coefficients.
 fn name(outcome: &Outcome) -> String {
     format!("{} ({})", outcome.candidate.name(), outcome.candidate.basis.count())
 }
 
-/// A step line's corners: error and share in per cent.
+/// The corners of a step line: error and share in per cent.
 fn steps(spread: &Spread) -> Vec<(f64, f64)> {
     let edge = |bin: usize| 100.0 * (bin as f64 * spread.step - spread.reach());
     let corners = spread
@@ -89,7 +89,7 @@ fn steps(spread: &Spread) -> Vec<(f64, f64)> {
     [first].into_iter().chain(corners).chain([last]).collect()
 }
 
-/// A share in per cent that is never rounded to nothing.
+/// A share in per cent that is never rounded to zero.
 fn share(value: f64) -> String {
     match 100.0 * value {
         0.0 => "0".into(),
@@ -99,14 +99,14 @@ fn share(value: f64) -> String {
     }
 }
 
-/// One panel: the step lines, and in the corners the shares that lie beyond the axis.
+/// One panel: the step lines, and in the corners the shares that are beyond the axis.
 fn histogram(area: &Area, outcomes: &[Outcome], angle: usize) -> Drawn {
     let spreads: Vec<&Spread> = outcomes.iter().map(|o| &o.spreads[angle]).collect();
     let Some(first) = outcomes.first() else { return Ok(()) };
     let (reach, step) = (100.0 * spreads[0].reach(), 100.0 * spreads[0].step);
     let peak = spreads.iter().flat_map(|s| s.histogram).fold(0.0, f64::max) * 100.0;
     let top = 1.12 * if peak > 0.0 { peak } else { 1.0 };
-    // "elm, front lit, …": the last part is common to all.
+    // "elm, front lit, …": the last part is the same for all cases.
     let case = first.case.rsplit_once(", ").map_or(first.case.as_str(), |(c, _)| c);
     let mut chart = ChartBuilder::on(area)
         .caption(format!("{case}, light at {}", ANGLES[angle]), ("sans-serif", 15))
@@ -157,13 +157,13 @@ mod tests {
         Outcome { case: case.into(), candidate: basis_study::drawn()[which], spreads }
     }
 
-    /// What lies under the line and what the corners say make up all texels.
+    /// The area under the line and the shares in the corners together are all texels.
     #[test]
     fn lines_and_corners_hold_every_texel() {
         let errors: Vec<f64> = (0..200).map(|k| 0.01 * (f64::from(k) - 90.0)).collect();
         for spread in outcome("elm, front lit, x", 0, &errors).spreads {
             let corners = steps(&spread);
-            // Each step has two corners of its height, 100·step apart.
+            // Each step has two corners at its height, 100·step apart.
             let area: f64 = corners.windows(2).map(|w| (w[1].0 - w[0].0) * w[0].1).sum::<f64>() / (100.0 * spread.step);
             assert!((area + 100.0 * (spread.beyond[0] + spread.beyond[1]) - 100.0).abs() < 1e-9, "{area}");
             assert!((corners[0].0 + 100.0 * spread.reach()).abs() < 1e-9 && corners[0].1 == 0.0);
@@ -188,7 +188,7 @@ mod tests {
         for basis in basis_study::drawn() {
             assert!(svg.contains(&basis.name()), "{}", basis.name());
         }
-        // 4 bases × 2 ends × 6 panels, each a fifth of the texels; a tick of an axis may read the same.
+        // 4 bases × 2 ends × 6 panels, each with a fifth of the texels; a tick of an axis may have the same number.
         assert!(svg.matches("\n20\n").count() >= 48, "{}", svg.matches("\n20\n").count());
         assert_eq!([share(0.0), share(2e-4), share(0.0314), share(0.4)], ["0", "< .1", "3.1", "40"]);
     }

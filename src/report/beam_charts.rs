@@ -82,7 +82,8 @@ pub fn write(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// A logarithm where the axis has one: the axes themselves stay linear, with ticks written as powers.
+/// The values are logarithms where the axis is logarithmic; the axes themselves are linear, with ticks written as
+/// powers.
 fn draw(p: &Picture) -> std::result::Result<String, String> {
     let text = |e: &dyn std::fmt::Display| format!("cannot draw: {e}");
     let place = |log: bool, v: f64| if log { v.log10() } else { v };

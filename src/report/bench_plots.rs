@@ -1,4 +1,5 @@
-//! Error against run time as SVG, a picture a model. A model whose knobs are called `GROUP: KNOB` gets a panel a group.
+//! Error against run time as SVG, one picture for each model. A model whose knobs are called `GROUP: KNOB` gets one
+//! panel for each group.
 
 use super::rows::{COLORS, names};
 use crate::{Error, Result};
@@ -11,24 +12,24 @@ use std::path::{Path, PathBuf};
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = std::result::Result<(), String>;
 
-/// Points without an order (peers, methods): no line joins them, and each has its name.
+/// Points without an order (peers, methods): no line joins them, and each is labelled.
 const APART: [&str; 3] = ["peer", "method", "lobe"];
 
-/// Groups whose settings are cases and no knob that could be turned: error and time of one say nothing of the next. The
-/// table has them.
+/// Groups whose settings are cases and not a knob: error and time of one tell nothing about the next. They are in the
+/// table only.
 const CASES: [&str; 3] = ["oracle", "basis", "form"];
 
-/// Sizes of a picture with one panel, and of each of several.
+/// Size of a picture with one panel, and size of each of several panels.
 const ONE: (u32, u32) = (860, 560);
 const EACH: (u32, u32) = (620, 440);
 
-/// `GROUP: KNOB` taken apart; a knob without a group is its own.
+/// Splits `GROUP: KNOB`; a knob without a group is its own group.
 fn parts(knob: &str) -> (&str, &str) {
     knob.split_once(": ").unwrap_or((knob, knob))
 }
 
-/// Draws a plot a model into `folder` (`bench-<model>.svg`): error against run time, a line a knob, both axes
-/// logarithmic. Models without a row of positive error and time get none. Returns the files.
+/// Draws one plot for each model into `folder` (`bench-<model>.svg`): error against run time, one line for each knob,
+/// both axes logarithmic. Models without a row of positive error and time get none. Returns the files.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
@@ -79,7 +80,7 @@ fn picture(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, Strin
     Ok(svg)
 }
 
-/// Range of values with room at both ends of a logarithmic axis, at least a decade.
+/// Range of values with margins at both ends of a logarithmic axis, at least a decade.
 fn span(values: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     let low = values.clone().fold(f64::INFINITY, f64::min) / 1.6;
     let high = values.fold(0.0, f64::max) * 2.5;
@@ -99,7 +100,7 @@ fn plot(area: &Area, (title, size): (&str, i32), rows: &[&BenchRow]) -> Drawn {
         .configure_mesh()
         .x_desc("run time (µs)")
         .y_desc("error")
-        // More would run into one another.
+        // More labels would overlap.
         .x_labels(6)
         .x_label_formatter(&|v| format!("{v:.0e}"))
         .y_label_formatter(&|v| format!("{v:.0e}"))
@@ -111,7 +112,7 @@ fn plot(area: &Area, (title, size): (&str, i32), rows: &[&BenchRow]) -> Drawn {
         let color = COLORS[k % COLORS.len()];
         let of: Vec<&&BenchRow> = rows.iter().filter(|r| r.knob == knob).collect();
         let points = of.iter().map(|r| (r.us, r.error));
-        // Peers and the like are points without an order; a knob's settings follow one another.
+        // Peers and the like are points without an order; the settings of a knob follow one another.
         let apart = APART.contains(&knob.as_str());
         if !apart {
             chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2))).map_err(text)?;
@@ -121,20 +122,20 @@ fn plot(area: &Area, (title, size): (&str, i32), rows: &[&BenchRow]) -> Drawn {
             .map_err(text)?
             .label(parts(&knob).1)
             .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
-        // The ends of a knob are named, what lies between follows; names of all settings would cover one another.
+        // Only the ends of a knob are labelled, because labels of all settings would cover each other.
         let named = of.iter().enumerate().filter(|(k, _)| apart || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
         let style = ("sans-serif", 12).into_font().color(&color);
         chart
             .draw_series(named.map(|r| Text::new(r.setting.clone(), (r.us * 1.05, r.error), style.clone())))
             .map_err(text)?;
     }
-    // A panel's only knob is its title.
+    // The only knob of a panel is already its title.
     if rows.iter().all(|r| r.knob == title) {
         return Ok(());
     }
     chart
         .configure_series_labels()
-        // Slow and wrong at once: the emptiest corner.
+        // Slow and inaccurate at once: this corner is usually empty.
         .position(SeriesLabelPosition::UpperRight)
         .background_style(WHITE.mix(0.85))
         .border_style(RGBColor(180, 180, 180))

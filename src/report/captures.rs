@@ -1,4 +1,5 @@
-//! Views of kind `capture` as rows: pictures from a fit against frames that the fit did not see, from `check.json`.
+//! Views of kind `capture` as rows: pictures from a fit compared with frames that the fit did not see, from
+//! `check.json`.
 
 use crate::model::{Level, Picture, Reason};
 use crate::number::significant;
@@ -25,10 +26,10 @@ pub struct CaptureRow {
     pub reference_chi2: Option<f64>,
     /// How far the renderer's picture is from the exact tube integral (RMS).
     pub from_model: Option<f64>,
-    /// The same with the V-cavity factor that scenes have and the fit has not.
+    /// The same with the V-cavity factor that scenes have and the fit does not.
     pub bounded_off: Option<f64>,
     pub why: Vec<String>,
-    /// Measured, the renderer's, the reference's, residuals.
+    /// Pictures: measured, the renderer's, the reference's, and the residuals.
     #[serde(skip)]
     pub pictures: Vec<(String, Picture)>,
 }
@@ -82,7 +83,7 @@ fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
     }
 }
 
-/// What the verdict says of them; nothing where there are none.
+/// The verdict's sentence about these rows; `None` where there are none.
 pub fn reason(rows: &[CaptureRow]) -> Option<Reason> {
     let missed: Vec<&str> = rows.iter().filter(|r| r.passed != Some(true)).map(|r| r.name.as_str()).collect();
     if !missed.is_empty() {

@@ -18,7 +18,7 @@ pub struct Series {
 pub struct Titles<'a> {
     pub x: &'a str,
     pub y: &'a str,
-    /// What a reader who cannot see the picture is told.
+    /// The description for readers who cannot see the picture.
     pub about: &'a str,
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn escape(text: &str) -> String {
 /// A scale with its ends, middle and unit, as HTML: `ramp` is a class of the page's style (see [`ramps`]).
 pub(crate) fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
     let middle = 0.5 * (min + max);
-    // A middle that is zero but for rounding reads 0.
+    // A middle that is zero except for rounding is written as 0.
     let middle = if middle.abs() < 1e-9 * (max - min) { 0.0 } else { middle };
     let [low, middle, high] = [min, middle, max].map(|v| significant(v, 3));
     let unit = if unit.is_empty() { String::new() } else { format!(" {}", escape(unit)) };
@@ -154,7 +154,7 @@ impl Axis {
     fn linear(min: f64, max: f64) -> Axis {
         Axis { min, max, log: false }
     }
-    /// At least one decade, with room at both ends.
+    /// An axis of at least one decade, with margins at both ends.
     fn log(min: f64, max: f64) -> Axis {
         let (mut a, mut b) = (min.log10(), max.log10());
         if b - a < 1.0 {
@@ -163,7 +163,7 @@ impl Axis {
         let room = 0.05 * (b - a);
         Axis { min: a - room, max: b + room, log: true }
     }
-    /// 0 … 1 along the axis.
+    /// The place of a value along the axis, 0 … 1.
     fn place(&self, v: f64) -> f64 {
         let v = if self.log { v.log10() } else { v };
         (v - self.min) / (self.max - self.min)
@@ -182,7 +182,7 @@ impl Axis {
         let mut k = (self.min / step).ceil();
         while k * step <= self.max * (1.0 + 1e-12) + 1e-300 && out.len() < 40 {
             let v = k * step;
-            // as many decimals as the step has; steps are 1, 2 or 5 times a power of ten
+            // As many decimals as the step has; steps are 1, 2 or 5 times a power of ten.
             let decimals = -step.log10().floor();
             let label = if (0.0..=4.0).contains(&decimals) && self.max.abs().max(self.min.abs()) < 1e6 {
                 format!("{v:.*}", decimals as usize).replacen('-', "\u{2212}", 1)
@@ -266,8 +266,8 @@ impl Plot {
             escape(titles.y)
         );
     }
-    /// Names with their colours, to the right on top or to the left at the bottom (where falling curves leave room); a
-    /// single nameless curve needs none.
+    /// Names with their colours: at the upper right, or at the lower left (where falling curves leave room). A single
+    /// curve without a name gets none.
     fn legend(&self, out: &mut String, names: &[&str], falling: bool) {
         if names.len() < 2 && names.iter().all(|n| n.is_empty()) {
             return;

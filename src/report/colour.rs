@@ -1,4 +1,4 @@
-//! False colour: a sequential and a diverging scale of even perceived steps, computed in OKLab (Ottosson 2020), and
+//! False colour: a sequential and a diverging scale with evenly perceived steps, computed in OKLab (Ottosson 2020), and
 //! pictures as indexed PNG inside data URIs.
 
 use crate::model::Picture;
@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 pub type Scale = [[u8; 3]; 255];
 const NONE: u8 = 255;
 
-/// Dark violet over teal to yellow: lightness rises evenly, so that it reads in grey and for colour-blind eyes too.
+/// Dark violet over teal to yellow. Lightness rises evenly, so the scale also works in grey and for colour-blind eyes.
 pub(crate) fn sequential() -> &'static Scale {
     static SCALE: OnceLock<Scale> = OnceLock::new();
     SCALE.get_or_init(|| std::array::from_fn(|k| sequential_at(k as f64 / 254.0)))
@@ -26,7 +26,7 @@ pub(crate) fn diverging() -> &'static Scale {
     })
 }
 
-/// Nine steps of the magma scale (Smith and van der Walt 2015), evenly spaced: what FLIP maps are drawn with.
+/// Nine evenly spaced steps of the magma scale (Smith and van der Walt 2015), in which FLIP maps are drawn.
 pub(crate) const MAGMA: [&str; 9] =
     ["#000004", "#1d1147", "#51127c", "#832681", "#b73779", "#e55064", "#fb8761", "#fec287", "#fcfdbf"];
 
@@ -37,7 +37,7 @@ fn sequential_at(t: f64) -> [u8; 3] {
     in_gamut(0.24 + 0.68 * t, chroma, hue.to_radians())
 }
 
-/// OKLCH → 8-bit sRGB; chroma is reduced until the colour exists.
+/// OKLCH → 8-bit sRGB; chroma is reduced until sRGB has the colour.
 fn in_gamut(lightness: f64, chroma: f64, hue: f64) -> [u8; 3] {
     let mut c = chroma;
     loop {
@@ -103,8 +103,8 @@ pub(crate) fn false_colour(
     indexed_png(w, h, &indices, scale, alt)
 }
 
-/// Categories: `code(i)` is an index into `colours`, `None` is transparent. Never averaged; every `step`-th texel that
-/// differs from the first category wins its pixel, so that a single defect stays visible.
+/// Categories: `code(i)` is an index into `colours`, `None` is transparent. Categories are never averaged: a pixel
+/// shows the largest category of its texels, so that a single defect stays visible.
 pub(crate) fn categories(
     frame: Frame,
     colours: &[[u8; 3]],
@@ -149,7 +149,7 @@ fn averaged(frame: Frame, x: usize, y: usize, value: &impl Fn(usize) -> f32) -> 
     (n > 0).then(|| sum / n as f64)
 }
 
-/// Linear RGB as it would look (sRGB), transparent where `shown` is false.
+/// Linear RGB as it would look (in sRGB), transparent where `shown` is false.
 pub fn photograph(
     frame: Frame,
     rgb: [&[f32]; 3],

@@ -1,6 +1,6 @@
-//! What every figure of a `fit.toml` is called on the page: a plain name, its unit and a sentence on what it means
-//! (`figures.txt`). A figure that is not listed there never reaches the page under its raw key; [`unnamed`] finds such
-//! figures for the tests.
+//! What every figure of a `fit.toml` is called on the page: a plain name, its unit, and a sentence on what it means
+//! (`figures.txt`). A figure that is not listed there is never shown under its raw key; [`unnamed`] finds such figures
+//! for the tests.
 
 use crate::number::{count, percent, plain};
 use crate::quantity::channel_word;
@@ -16,7 +16,7 @@ pub struct Figure {
     pub name: String,
     /// The figure as it is printed, with its unit.
     pub value: String,
-    /// What it says, in one sentence.
+    /// The meaning of the figure in one sentence.
     pub meaning: &'static str,
 }
 
@@ -28,7 +28,7 @@ fn catalogue() -> &'static [Row] {
     ROWS.get_or_init(|| rows(include_str!("figures.txt")))
 }
 
-/// The cells of every line, `|` between them and `#` before remarks.
+/// The cells of every line, which are separated by `|`; remarks follow a `#`.
 fn rows<const N: usize>(text: &'static str) -> Vec<[&'static str; N]> {
     let lines = text.lines().filter(|l| !l.starts_with('#'));
     lines.filter_map(|l| l.split('|').map(str::trim).collect::<Vec<_>>().try_into().ok()).collect()
@@ -65,7 +65,7 @@ pub fn figure(key: &str, value: f64) -> Option<Figure> {
     Some(Figure { name, value, meaning })
 }
 
-/// The figures that stand for themselves, in the catalogue's order, and how many of them have no name.
+/// The figures that are shown by themselves, in the catalogue's order, and the number of figures without a name.
 pub fn lines<'a>(all: impl Iterator<Item = (&'a String, &'a f64)>) -> (Vec<Figure>, usize) {
     let mut keys: Vec<_> = all.collect();
     keys.sort_by_key(|(key, _)| entry(key).map_or(usize::MAX, |e| e.0));
@@ -74,7 +74,7 @@ pub fn lines<'a>(all: impl Iterator<Item = (&'a String, &'a f64)>) -> (Vec<Figur
     (found, without)
 }
 
-/// The keys of a record's figures that have no name; the errors of a basis have a table of their own.
+/// The keys of a record's figures that have no name. The errors of a basis have their own table and are left out.
 pub fn unnamed(record: &FitRecord) -> Vec<String> {
     let figures = record.sections.values().flat_map(|s| &s.figures);
     figures
@@ -83,8 +83,8 @@ pub fn unnamed(record: &FitRecord) -> Vec<String> {
         .collect()
 }
 
-/// A key in words: `iteration_limit` → `stopped at the iteration limit`; a key that is not in `words.txt` loses its
-/// underscores.
+/// A key in words: `iteration_limit` → `stopped at the iteration limit`. In a key that is not in `words.txt`,
+/// underscores become spaces.
 pub fn words(key: &str) -> String {
     static WORDS: OnceLock<BTreeMap<&str, &str>> = OnceLock::new();
     if let Some((problem, ending)) = key.split_once(':') {

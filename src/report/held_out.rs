@@ -1,6 +1,6 @@
 //! Frames that no fit saw, in rows, pictures and reasons: those that the fit judged itself by, and those that its
-//! folder keeps, predicted from the maps as they are now. A map that was changed after the fit, by whatever hand, no
-//! longer gives back what was measured.
+//! folder keeps, which are predicted from the maps as they are now. A map that was changed after the fit no longer
+//! predicts what was measured.
 
 use crate::colour::{self, Frame};
 use crate::maps::{WIDE, colour_bar_of};
@@ -13,13 +13,13 @@ use mesophyll_record::FitRecord;
 use serde::Serialize;
 use std::path::Path;
 
-/// Residual maps reach this many standard deviations.
+/// The scale of residual maps reaches this many standard deviations.
 const SCALE: f64 = 4.0;
 
-/// What held-out measurements say of a fit.
+/// What held-out measurements say about a fit.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct HeldOutReport {
-    /// Whether the fit is of a scan that could have left frames out.
+    /// Whether the fit belongs to a scan from which frames could be left out.
     pub applies: bool,
     pub rows: Vec<HeldOutRow>,
     /// Files that could not be read.
@@ -37,21 +37,21 @@ pub struct HeldOutRow {
     pub readings: usize,
     pub reduced_chi2: f64,
     pub expected: f64,
-    /// How far predictions are off beyond noise and chance, in units of the noise.
+    /// How far predictions are off, beyond noise and chance, in units of the noise.
     pub off: f64,
     pub share_beyond_3: Option<f64>,
     pub bias: f64,
 }
 
-/// What was compared.
+/// The kind of comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// All held-out frames of a pass, as the fit judged itself.
     Pass,
-    /// A stored frame against the folder's maps.
+    /// A stored frame, compared with the folder's maps.
     Stored,
-    /// The light box against the slab, likewise.
+    /// The stored light box, compared with the slab of the folder.
     LightBox,
 }
 
@@ -108,7 +108,7 @@ pub fn read(folder: &Path, record: &FitRecord, pictures: bool) -> HeldOutReport 
                 bias: light_box.bias,
             });
         }
-        // The frame that shows most of the gloss tells most.
+        // The frame that shows the most gloss is the most informative.
         let most = |f: &&KeptFrame| f.measured[1].iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum::<f64>();
         if let Some(frame) = kept.frames.iter().max_by(|a, b| most(a).total_cmp(&most(b))).filter(|_| pictures) {
             out.pictures.extend(drawn(side, frame, Frame { width: kept.width, height: kept.height, max_width: WIDE }));
@@ -117,7 +117,7 @@ pub fn read(folder: &Path, record: &FitRecord, pictures: bool) -> HeldOutReport 
     out
 }
 
-/// A frame as it was measured, as it is predicted, and the difference in units of the noise.
+/// A frame as measured, as predicted, and the difference in units of the noise.
 fn drawn(side: Side, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
     let place = format!("{}, frame {}, tube at {} mm", side.name(), frame.name(), significant(frame.position_mm, 4));
     let shown = |i: usize| frame.predicted[1][i].is_finite();
@@ -142,7 +142,8 @@ fn drawn(side: Side, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
     .collect()
 }
 
-/// The rule: off by less than a third of the noise is good, by more than the noise is bad.
+/// The rule: a prediction that is off by less than a third of the noise is good, one that is off by more than the noise
+/// is bad.
 pub fn level(off: f64) -> Level {
     match off {
         o if o <= GOOD => Level::Good,
@@ -151,7 +152,7 @@ pub fn level(off: f64) -> Level {
     }
 }
 
-/// What the verdict says: a sentence a side and kind, the worst row's figures in it.
+/// The verdict's sentences: one for each side and kind, with the figures of the worst row.
 pub fn reasons(report: &HeldOutReport, say: &mut impl FnMut(Level, String)) {
     for problem in &report.problems {
         say(Level::Bad, format!("the held-out frames cannot be compared: {problem}"));
@@ -191,7 +192,7 @@ pub fn reasons(report: &HeldOutReport, say: &mut impl FnMut(Level, String)) {
                         worst.what
                     )
                 }
-                // Said above unless the maps changed.
+                // This was already said, unless the maps have changed.
                 (Kind::Stored, Level::Good) => continue,
                 (Kind::Stored, _) => {
                     format!(

@@ -1,4 +1,5 @@
-//! The report as one HTML file: no script, nothing from the network, light and dark by the reader's preference.
+//! The report as one HTML file: without a script, without anything from the network, in light or dark by the reader's
+//! preference.
 
 use crate::model::{Comparison, FitReport, Picture, Report, ViewReport};
 use crate::number;
@@ -9,7 +10,7 @@ use mesophyll_record::FitKind;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 
-/// The page and its parts, in the order in which they are read.
+/// The page and its parts, in reading order.
 const TEMPLATES: [(&str, &str); 7] = [
     ("page", include_str!("page.html")),
     ("macros", include_str!("macros.html")),
@@ -67,7 +68,7 @@ pub fn render(report: &Report) -> Result<String> {
     .map_err(failed)
 }
 
-/// A number and its percent sign, and `h + δ`, stay on one line.
+/// Keeps a number and its percent sign, and `h + δ`, on one line.
 fn keep_together(html: &str) -> String {
     html.replace(" %", "\u{a0}%").replace("h + δ", "h\u{a0}+\u{a0}δ")
 }
@@ -133,7 +134,7 @@ fn shot(v: &ViewReport) -> Value {
     }
 }
 
-/// A `TruthError`'s share of truths inside their intervals, in words.
+/// The share of truths inside their intervals in a `TruthError`, in words.
 fn coverage(truth: &Value) -> String {
     let number = |name: &str| truth.get_attr(name).ok().and_then(|v| f64::try_from(v).ok());
     let judged = number("judged").map(|n| n as usize);

@@ -1,5 +1,5 @@
-//! The slab's σa over what the mesophyll absorbs, texel by texel, for fits of scans whose true leaf is made of layers:
-//! per length, and over the leaf's whole thickness, which is what light tells.
+//! The slab's σa compared with the absorption of the mesophyll, texel by texel, for fits of scans whose true leaf is
+//! made of layers: per length, and over the leaf's whole thickness, which is what light can tell.
 
 use super::ReportSource;
 use super::maps::SideMaps;
@@ -11,10 +11,10 @@ use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
 use std::path::{Path, PathBuf};
 
-/// Texels that are drawn of a side, at most.
+/// Largest number of texels that are drawn of a side.
 const SHOWN: usize = 250;
 
-/// Draws two pictures a side into `folder`, side by side its channels, and returns the files.
+/// Draws two pictures for each side into `folder`, with the channels side by side, and returns the files.
 ///
 /// # Errors
 /// [`Error::Input`] where a folder is no fit of such a scan; [`Error::Write`] where a file cannot be written.
@@ -39,7 +39,7 @@ pub fn pictures(sources: &[ReportSource], folder: &Path) -> Result<Vec<PathBuf>>
     spectrum::pictures(folder, &all)
 }
 
-/// `whole`: over the leaf's thickness, which the fit and the truth have each their own of.
+/// `whole`: over the leaf's thickness; the fit and the truth each use their own.
 fn panel(side: &SideMaps, c: usize, whole: bool) -> Option<Panel> {
     let maps = [(&side.fit, Quantity::SigmaA), (side.truth.as_ref()?, Quantity::Absorption)];
     let of = |(maps, quantity): (&Maps, Quantity)| -> Option<Vec<f64>> {

@@ -57,15 +57,15 @@ impl ReportSource {
 /// What to read and draw.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Set every further fit against the first.
+    /// Compares every further fit with the first.
     pub compare: bool,
-    /// Draw pictures (HTML needs them, rows do not).
+    /// Draws pictures (HTML needs them, rows do not).
     pub pictures: bool,
     /// Heading; the fits' names when absent.
     pub title: Option<String>,
 }
 
-/// Two or more fits named one by one are meant to be compared; the fits of a run are not.
+/// Two or more fits that are named one by one are meant to be compared; the fits of a run are not.
 fn defaults(sources: &[ReportSource], pictures: bool) -> Options {
     Options { compare: sources.len() > 1 && sources.iter().all(ReportSource::is_fit), pictures, title: None }
 }

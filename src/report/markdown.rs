@@ -285,7 +285,7 @@ fn check(out: &mut String, c: &CheckReport) {
     let rows = c.views.iter().map(|v| {
         let get = |name: &str| v.figures.get(name).copied();
         let limit = |name: &str| get(name).map_or_else(|| "not judged".into(), plain);
-        // A card is held against a formula; how it looks beside the reference is not judged.
+        // A card is compared with a formula; its look is not compared with the reference.
         let flip = if v.kind == "card" { "not judged".into() } else { limit("threshold_flip_p99") };
         let [found, noise, error, error_noise] =
             ["flip_p99", "noise_flip_p99", "max_error", "noise_max_error"].map(|name| or_dash(get(name), plain));

@@ -1,4 +1,4 @@
-//! What a report says, as plain rows: the JSON *is* this, Markdown and HTML print the same.
+//! The contents of a report as plain rows. The JSON *is* these rows; Markdown and HTML print the same.
 
 use crate::captures::CaptureRow;
 use crate::held_out::HeldOutReport;
@@ -8,13 +8,13 @@ use mesophyll_solve::TraceRow;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// How good something is; ordered, so that the worst reason rules.
+/// A level of quality. The levels are ordered, so that the worst reason decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
-    /// Nothing stands against it.
+    /// Nothing speaks against it.
     Good,
-    /// Usable, but something needs a look.
+    /// Usable, but something should be checked.
     Doubtful,
     /// It must not be used as it is.
     Bad,
@@ -55,15 +55,15 @@ pub struct Report {
     pub program: String,
     /// Heading.
     pub title: String,
-    /// What the report comes to as a whole: the worst of what it holds.
+    /// The overall verdict: the worst of what the report contains.
     pub verdict: Verdict,
     /// The fits, in the order in which they were named.
     pub fits: Vec<FitReport>,
-    /// Every further fit against the first, where fits are compared.
+    /// Every further fit compared with the first, where fits are compared.
     pub comparisons: Vec<Comparison>,
-    /// What scenes need and what they leave out.
+    /// What scenes need, and what they leave out.
     pub plans: Vec<PlanReport>,
-    /// What checks of scenes came to.
+    /// The results of checks of scenes.
     pub checks: Vec<CheckReport>,
 }
 
@@ -84,13 +84,13 @@ pub struct FitReport {
     /// Measurements that the fit did not see.
     pub held_out: HeldOutReport,
     pub times: Option<TimesReport>,
-    /// What the folder does not hold, in words.
+    /// What the folder lacks, in words.
     pub missing: Vec<String>,
     #[serde(skip)]
     pub pictures: Vec<SidePictures>,
 }
 
-/// A parameter, a row a channel.
+/// A parameter; each channel has its own row.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ParameterRow {
     pub section: String,
@@ -100,10 +100,11 @@ pub struct ParameterRow {
     pub value: Option<f64>,
     /// The whole standard error; absent where it is infinite or not stated.
     pub stderr: Option<f64>,
-    /// The part of it that the caliper's reading brings, the same share for all of the leaf; absent where it has none.
+    /// The part of the standard error that comes from the caliper, which is the same share for all of the leaf; absent
+    /// where there is none.
     pub stderr_caliper: Option<f64>,
     pub unit: String,
-    /// Why the data do not determine it.
+    /// Why the data do not determine the parameter.
     pub undetermined: Option<String>,
 }
 
@@ -129,7 +130,7 @@ pub struct MapRow {
     pub quantity: String,
     pub channel: String,
     pub unit: String,
-    /// Over the good texels.
+    /// Statistics over the good texels.
     pub summary: Summary,
     /// Good texels without a value.
     pub undetermined: usize,
@@ -137,7 +138,7 @@ pub struct MapRow {
     pub truth: Option<MapTruth>,
 }
 
-/// A map beside the truth, over the good texels.
+/// A map compared with the truth, over the good texels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MapTruth {
     pub median_absolute: f64,
@@ -167,7 +168,7 @@ pub struct Comparison {
     pub sentence: String,
     pub parameters: Vec<ParameterDifference>,
     pub maps: Vec<MapDifference>,
-    /// What only one of them has, or what cannot be compared.
+    /// What only one of the fits has, and what cannot be compared.
     pub notes: Vec<String>,
     #[serde(skip)]
     pub pictures: Vec<MapPictures>,
@@ -184,10 +185,10 @@ pub struct ParameterDifference {
     pub first_stderr: Option<f64>,
     pub second: Option<f64>,
     pub second_stderr: Option<f64>,
-    /// The best estimates of undetermined values and what bounds them, in words; empty where determined.
+    /// For undetermined values, the best estimates and their bounds in words; empty where determined.
     pub estimates: [String; 2],
     pub difference: Option<f64>,
-    /// Difference over the combined standard error.
+    /// Difference divided by the combined standard error.
     pub sigmas: Option<f64>,
 }
 
@@ -227,7 +228,7 @@ pub struct CheckReport {
     pub passed: Option<bool>,
     pub adapter: String,
     pub views: Vec<ViewReport>,
-    /// Leaves as their scans saw them, and what of that was skipped.
+    /// Leaves compared with their scans, and what was skipped.
     pub captures: Vec<CaptureRow>,
     pub skipped: Vec<String>,
     pub missing: Vec<String>,
@@ -236,11 +237,11 @@ pub struct CheckReport {
 #[derive(Debug, Clone, Serialize)]
 pub struct ViewReport {
     pub name: String,
-    /// What the picture is held against: `perspective` (the reference renderer), `card` (a closed form), or empty where
-    /// it is not said.
+    /// What the picture is compared with: `perspective` (the reference renderer), `card` (a closed form), or empty
+    /// where this is not stated.
     pub kind: String,
     pub passed: Option<bool>,
-    /// What missed, a sentence each.
+    /// What missed its threshold, one sentence each.
     pub why: Vec<String>,
     /// Every number of the view, by the name `check.json` gives it.
     pub figures: BTreeMap<String, f64>,
@@ -266,7 +267,7 @@ pub struct Picture {
     pub alt: String,
 }
 
-/// What a side looks like, drawn.
+/// The pictures of a side.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct SidePictures {
     pub section: String,
@@ -279,7 +280,7 @@ pub struct SidePictures {
     pub maps: Vec<MapPictures>,
 }
 
-/// A picture (or chart) and what stands under it; `bar` is SVG.
+/// A picture (or chart) and its caption; `bar` is SVG.
 #[derive(Debug, Clone, Serialize)]
 pub struct Captioned {
     pub picture: Picture,
@@ -294,12 +295,12 @@ pub struct LegendItem {
     pub texels: usize,
 }
 
-/// One quantity: its channels in order, the telling one first.
+/// One quantity: its channels in order, the most informative one first.
 #[derive(Debug, Clone, Serialize)]
 pub struct MapPictures {
     pub quantity: String,
     pub title: String,
-    /// What to know of the maps; may be empty.
+    /// Remarks on the maps; may be empty.
     pub note: String,
     pub section: String,
     pub channels: Vec<ChannelPictures>,

@@ -1,9 +1,10 @@
-//! Numbers in words: as many digits as the error supports, a true minus sign, and never `0 %` for something that is not
+//! Numbers as text: as many digits as the error supports, a true minus sign, and never `0 %` for something that is not
 //! zero.
 
 const MINUS: char = '\u{2212}';
 
-/// `digits` significant digits; very large and very small values as `1.2 × 10⁻⁵`; not finite values in words.
+/// `digits` significant digits. Very large and very small values are written like `1.2 × 10⁻⁵`, values that are not
+/// finite in words.
 pub fn significant(value: f64, digits: usize) -> String {
     if value.is_nan() {
         return "none".into();
@@ -56,8 +57,8 @@ fn sign(text: String) -> String {
     text.replacen('-', &MINUS.to_string(), 1)
 }
 
-/// `0.412 ± 0.013`: the error to two digits, the value to the same place. An error that is missing or infinite is said
-/// in words.
+/// `0.412 ± 0.013`: the error with two digits, the value to the same decimal place. A missing or infinite error is
+/// described in words.
 pub fn plus_minus(value: f64, error: f64) -> String {
     if !value.is_finite() {
         return "not determined".into();
@@ -92,7 +93,7 @@ pub fn percent(share: f64) -> String {
         return "0 %".into();
     }
     if (99.0..100.0).contains(&p) {
-        // 99.98 % must not read 100 %
+        // 99.98 % must not be written as 100 %.
         let lacking = 100.0 - p;
         if lacking < 0.001 {
             return "> 99.999 %".into();

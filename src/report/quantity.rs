@@ -1,16 +1,16 @@
-//! The quantities a fit writes as maps: what they are called in words, their units, and how they are drawn.
+//! The quantities that a fit writes as maps: their names in words, their units, and how they are drawn.
 
 use mesophyll_files::quantity::split;
 
 /// A known quantity.
 #[derive(Debug, Clone, Copy)]
 pub struct Quantity {
-    /// As in channel and parameter names.
+    /// The name in channels and parameters.
     pub name: &'static str,
-    /// Symbol and words.
+    /// Symbol and name in words.
     pub title: &'static str,
     pub unit: &'static str,
-    /// Whether zero is the middle of its scale and ratios to it mean nothing.
+    /// Whether zero is the middle of the scale; ratios then mean nothing.
     pub signed: bool,
 }
 
@@ -27,7 +27,7 @@ pub(crate) const QUANTITIES: [Quantity; 9] = [
     Quantity { name: "sigma_s", title: "σs, scattering", unit: "1/mm", signed: false },
 ];
 
-/// Channels that are shown in a place of their own, or (z of a unit normal) not at all.
+/// Channels that are shown elsewhere, or (z of a unit normal) not at all.
 pub(crate) const SET_APART: [&str; 3] = ["mask.Y", "reduced_chi2.Y", "normal.Z"];
 
 pub fn known(name: &str) -> Option<&'static Quantity> {
@@ -43,7 +43,7 @@ pub(crate) fn symbol(name: &str) -> String {
     known(name).filter(|q| q.name != "normal").and_then(|q| q.title.split(',').next()).unwrap_or_else(other).to_string()
 }
 
-/// Parameters that are no maps: name in `fit.toml`, symbol, what it is.
+/// Parameters that are not maps: name in `fit.toml`, symbol, meaning.
 const PARAMETERS: [(&str, &str, &str); 15] = [
     ("thickness", "h", "mean thickness of the leaf, by the caliper"),
     ("sigma_s_reduced", "σs′", "scattering less what goes straight on, (1 − g) σs"),
@@ -62,7 +62,7 @@ const PARAMETERS: [(&str, &str, &str); 15] = [
     ("sigma_s", "σs", "scattering"),
 ];
 
-/// Symbol of a parameter and what it is.
+/// Symbol and meaning of a parameter.
 pub fn parameter(name: &str) -> (String, &'static str) {
     match PARAMETERS.iter().find(|p| p.0 == name) {
         Some((_, symbol, meaning)) => ((*symbol).into(), meaning),
@@ -70,12 +70,13 @@ pub fn parameter(name: &str) -> (String, &'static str) {
     }
 }
 
-/// Heading of a quantity that may be unknown.
+/// Heading of a quantity, which may be an unknown one.
 pub fn title(name: &str) -> String {
     known(name).map_or_else(|| name.to_string(), |q| q.title.to_string())
 }
 
-/// Rank in the report: catalogue order, then unknown ones; green before red and blue, because leaves tell most there.
+/// Rank in the report: the catalogue's order, then unknown quantities. Green comes before red and blue, because it
+/// tells most about leaves.
 pub fn rank(channel: &str) -> (usize, String, usize) {
     let (quantity, letter) = split(channel);
     let place = QUANTITIES.iter().position(|q| q.name == quantity).unwrap_or(QUANTITIES.len());

@@ -1,4 +1,4 @@
-//! From folders to rows: a fit folder holds `fit.toml`, a folder of a run may hold `check.json`, `plan.json` and
+//! From folders to rows. A fit folder has `fit.toml`; the folder of a run may have `check.json`, `plan.json` and
 //! several fits.
 
 use crate::maps::{self, SideMaps};
@@ -15,8 +15,8 @@ const SCHEMA: u32 = 1;
 /// Reads every source.
 ///
 /// # Errors
-/// [`Error::Input`] when a folder holds nothing to report, or when `fit.toml`, `check.json` or `plan.json` is there and
-/// broken. Everything else that is missing or damaged is said in the report.
+/// [`Error::Input`] when a folder holds nothing to report, or when `fit.toml`, `check.json` or `plan.json` exists and
+/// is broken. Everything else that is missing or damaged is described in the report.
 pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
     let mut fits = Vec::new();
     let mut folders = Vec::new();
@@ -66,7 +66,7 @@ pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
     })
 }
 
-/// The folder itself when it is a fit, else the fits below it and below its `fits/`, by name.
+/// The folder itself when it is a fit; otherwise the fits below it and below its `fits/`, by name.
 fn fit_folders(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Err(Error::input(folder, "no such folder"));
@@ -84,7 +84,7 @@ fn fit_folders(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(out)
 }
 
-/// Fits of one name are told apart by their folders.
+/// Fits of the same name get their folders added, so that they can be told apart.
 fn tell_apart(fits: &mut [FitReport]) {
     let names: Vec<String> = fits.iter().map(|f| f.name.clone()).collect();
     for (k, fit) in fits.iter_mut().enumerate() {
@@ -178,7 +178,7 @@ pub fn sides(folder: &Path) -> Result<(String, Vec<SideMaps>)> {
     Ok((record.name, found))
 }
 
-/// Maps of a section; sections without sides (`all`) have none and miss none.
+/// The maps of a section. Sections that are not sides (`all`) have none and lack none.
 fn side(
     folder: &Path,
     name: &str,
@@ -189,12 +189,12 @@ fn side(
     if record.kind != FitKind::Leaf && !folder.join(File::Maps.of(name)).exists() {
         return None;
     }
-    // Only sides have maps; `all`, `blade` and the like are figures.
+    // Only sides have maps; `all`, `blade` and the like contain figures.
     if !matches!(name, "front" | "back") && !folder.join(File::Maps.of(name)).exists() {
         return None;
     }
     if record.kind != FitKind::Leaf {
-        // A leaf's maps are a leaf's: no other fit misses them.
+        // Only a leaf fit has the maps of a leaf; other fits do not lack them.
         return maps::read_side(folder, name, capture, &mut Vec::new());
     }
     maps::read_side(folder, name, capture, missing)
@@ -222,8 +222,8 @@ fn section(name: &str, s: &Section) -> SectionReport {
     }
 }
 
-/// A row a channel; `sigma_a.B: at most 0.02` (or a whole name) says which are undetermined, and so does an infinite
-/// error.
+/// One row for each channel. A channel is undetermined where an entry such as `sigma_a.B: at most 0.02` (or the whole
+/// name) says so, and where its error is infinite.
 fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
     let mut rows = Vec::new();
     for (name, p) in &s.params {
@@ -239,8 +239,8 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
                 [own.as_str(), name.as_str(), channel.as_str()].contains(&who.trim()).then(|| why.trim().to_string())
             });
             let stderr = p.stderr.get(k).copied().filter(|e| e.is_finite());
-            // NaN is an error that nobody stated: a measured gauge, or a coefficient of a function that was not
-            // measured; not an unknown.
+            // NaN means that no error was stated (a measured gauge, or a coefficient of a function that was not
+            // measured). The value is not unknown.
             let unbounded = p.stderr.get(k).is_some_and(|e| e.is_infinite()).then(String::new);
             let undetermined = named.or(unbounded);
             rows.push(ParameterRow {

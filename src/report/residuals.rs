@@ -1,5 +1,5 @@
-//! What residuals say of a fit: its reduced χ² against the spread that χ² itself has, and one side of a leaf against
-//! the other.
+//! What residuals say about a fit: its reduced χ² compared with the spread that χ² itself has, and the two sides of a
+//! leaf compared.
 
 use crate::model::{Level, SectionReport};
 use crate::number::{percent, significant};
@@ -7,19 +7,20 @@ use crate::quantity::symbol;
 use mesophyll_fit::leaf::sides;
 use mesophyll_record::{FitKind, FitRecord, MIRROR, NOISE_SEEN, Residuals};
 
-/// Standard deviations of χ² that chance does not reach.
+/// Chance does not move χ² by this many of its standard deviations.
 const SPREADS: f64 = 5.0;
-/// Nobody knows noise better than to about 1 % (reduced χ² to 2.5 %): less than that is no finding, however many the
-/// readings.
+/// Noise is known to about 1 % at best (reduced χ² to 2.5 %). Less than that is no finding, however many readings there
+/// are.
 const NOISE_KNOWN: f64 = 0.025;
-/// The same of noise that was estimated from the measurements themselves.
+/// The same for noise that was estimated from the measurements themselves.
 const NOISE_ESTIMATED: f64 = 0.3;
-/// Reduced χ² from which a model does not describe its measurements: residuals 73 % above the noise.
+/// With a reduced χ² above this, the model does not describe its measurements: the residuals are 73 % larger than the
+/// noise.
 const BAD: f64 = 3.0;
-/// Front and back differ by this many errors of the noise: chance does so once in 16,000 comparisons.
+/// Front and back differ if they are this many standard errors apart. Chance does that once in 16,000 comparisons.
 const SIDES: f64 = 4.0;
 
-/// Level and sentence for the residuals of `what`, measured against their own spread: with many readings even 1.03 is a
+/// Level and sentence for the residuals of `what`, compared with their own spread: with many readings even 1.03 is a
 /// finding.
 pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -> (Level, String) {
     let chi2 = r.reduced_chi2;
@@ -50,7 +51,7 @@ pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -
     }
 }
 
-/// What could be wrong where a leaf's traces leave too much, and what in the capture could have told.
+/// What could be wrong where a leaf's traces leave large residuals, and what in the capture could have shown it.
 fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> String {
     if record.kind != FitKind::Leaf || what != "gloss" {
         return String::new();
@@ -67,7 +68,7 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
             .into(),
     };
     let Some(seen) = s.figures.get(NOISE_SEEN) else { return format!(": {geometry}") };
-    // Noise that is off by a factor makes χ² off by its square.
+    // Noise that is wrong by a factor makes χ² wrong by its square.
     if (seen * seen - 1.0) > 0.5 * (chi2 - 1.0) {
         let off = percent((seen - 1.0).abs());
         format!(
@@ -79,7 +80,7 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
     }
 }
 
-/// Front against back: both show one interior.
+/// Compares front with back, which both show one interior.
 pub fn sides(record: &FitRecord, say: &mut impl FnMut(Level, String)) {
     let Some(section) = record.sections.get(sides::SECTION) else {
         if record.kind == FitKind::Leaf

@@ -4,10 +4,10 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::stress::StressRow;
 use plotters::style::RGBColor;
 
-/// Longest cell of a table, the last column's aside; longer ones end in `…` (JSON has them whole).
+/// Longest cell of a table, except in the last column. Longer cells end in `…` (JSON has them in full).
 const WIDEST: usize = 48;
 
-/// Columns padded to their widest cell; `right` says which are aligned to the right.
+/// Columns padded to their widest cell. `right` says which are aligned to the right.
 fn table(head: &[&str], right: &[bool], rows: &[Vec<String>]) -> String {
     let short = |cell: &str| match cell.chars().count() {
         n if n > WIDEST => cell.chars().take(WIDEST - 1).chain(['…']).collect(),
@@ -39,7 +39,8 @@ fn number(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
     value.map_or(String::new(), |v| if v.is_finite() { show(v) } else { "∞".into() })
 }
 
-/// Stress rows as text: a line a case, then a line a model with how many got their verdict and the digits on average.
+/// Stress rows as text: one line for each case, then one line for each model with the number of cases that got their
+/// verdict and the mean number of digits.
 pub fn stress_table(rows: &[StressRow]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
@@ -83,7 +84,7 @@ pub fn bench_table(rows: &[BenchRow]) -> String {
     table(&["model", "knob", "setting", "error", "time", "note"], &[false, false, false, true, true, false], &cells)
 }
 
-/// A time in µs with a unit that keeps it short.
+/// A time in µs, written in a unit that keeps it short.
 fn time(us: f64) -> String {
     match us {
         t if !t.is_finite() => "–".into(),
@@ -104,7 +105,7 @@ pub(super) fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<String> {
     seen
 }
 
-/// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).
+/// Colours that readers with any kind of colour vision can tell apart (Okabe and Ito, "Color universal design", 2008).
 pub(super) const COLORS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),

@@ -1,4 +1,4 @@
-//! `check.json` and `plan.json` as rows. Both are read leniently: what they do not say is left empty, never invented.
+//! `check.json` and `plan.json` as rows. Both are read leniently: what they do not state is left empty, never invented.
 
 use crate::captures;
 use crate::colour::data_uri;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// `FOLDER/check.json` with the pictures beside it; `None` when there is none.
 ///
 /// # Errors
-/// [`Error::Input`] when the file is there and is no JSON.
+/// [`Error::Input`] when the file exists and is not JSON.
 pub(crate) fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> {
     let Some(json) = read_json(&folder.join("check.json"))? else { return Ok(None) };
     let mut missing = Vec::new();
@@ -69,7 +69,7 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     }
 }
 
-/// The PNG the view names, else `NAME-reference.png` and the like; names never lead out of the folder.
+/// The PNG that the view names, otherwise `NAME-reference.png` and the like. Names never lead out of the folder.
 pub(super) fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &[&str], alt: &str) -> Option<Picture> {
     let inside = |name: &str| {
         let path = Path::new(name);

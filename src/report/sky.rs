@@ -139,7 +139,7 @@ fn frontier(area: &Area, points: &[Point]) -> Drawn {
             .map_err(text)?
             .label("dissertation 2009 (Pentium 4)")
             .legend(|(x, y)| TriangleMarker::new((x + 8, y), 6, COLORS[6].filled()));
-        // the corner that is empty: slow fits that are good
+        // Slow fits that are accurate: this corner is empty.
         if k == 2 {
             legend(&mut chart, SeriesLabelPosition::LowerRight)?;
         }
@@ -160,7 +160,7 @@ fn legend<'b, X: Ranged, Y: Ranged>(chart: &mut Chart<'b, 'b, X, Y>, position: S
         .map_err(text)
 }
 
-/// Errors by number of bands, logarithmic upwards.
+/// Errors by number of bands, with a logarithmic upward axis.
 fn by_band(area: &Area, curves: &[Curve], claims: &[Curve]) -> Drawn {
     let all = || curves.iter().chain(claims).flat_map(|c| c.points.iter().map(|p| p.1)).filter(|e| *e > 0.0);
     let mut chart = ChartBuilder::on(area)
@@ -201,7 +201,7 @@ fn by_band(area: &Area, curves: &[Curve], claims: &[Curve]) -> Drawn {
     legend(&mut chart, SeriesLabelPosition::MiddleLeft)
 }
 
-/// Curves along the meridian, the half below the horizon shaded; the legend at `position`.
+/// Curves along the meridian, with the half below the horizon shaded and the legend at `position`.
 fn lines(area: &Area, title: &str, what: &str, curves: &[Curve], position: SeriesLabelPosition) -> Drawn {
     let values = || curves.iter().flat_map(|c| c.points.iter().map(|p| p.1));
     let (low, high) = (values().fold(0.0, f64::min), values().fold(0.0, f64::max));

@@ -1,4 +1,4 @@
-//! Pictures of spectra: quantities over wavelength, or over another quantity, a picture a leaf.
+//! Pictures of spectra: quantities over wavelength, or over another quantity, one picture for each leaf.
 
 use super::rows::COLORS;
 use crate::{Error, Result};
@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 /// One quantity over another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// What it is.
+    /// Name of the quantity.
     pub name: String,
-    /// Wavelength (nm) or what else the panel is over, value, and standard error (NaN where none is known); of a line by
-    /// rising wavelength.
+    /// Wavelength (nm) or the other quantity of the panel, value, and standard error (NaN where none is known). The
+    /// points of a line are in order of rising wavelength.
     pub points: Vec<[f64; 3]>,
     /// Dots instead of a line.
     pub dots: bool,
@@ -24,11 +24,11 @@ pub struct Line {
 /// Quantities over one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
-    /// What stands above it.
+    /// Title of the panel.
     pub title: String,
-    /// The axis across with its unit: [`WAVELENGTH`], mostly.
+    /// The horizontal axis with its unit, mostly [`WAVELENGTH`].
     pub across: String,
-    /// The axis upward with its unit.
+    /// The vertical axis with its unit.
     pub axis: String,
     /// Whether the axis is logarithmic; values of 0 and less are then left out.
     pub logarithmic: bool,
@@ -41,8 +41,8 @@ pub const WAVELENGTH: &str = "wavelength (nm)";
 
 const SIZE: (u32, u32) = (980, 380);
 
-/// Draws a picture a leaf into `folder`, side by side its panels, and returns the files. A file has the leaf's name,
-/// with `_` for what a file's name does not take.
+/// Draws one picture for each leaf into `folder`, with its panels side by side, and returns the files. A file has the
+/// leaf's name, with `_` for characters that file names do not allow.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
@@ -125,7 +125,7 @@ where
     for (k, line) in panel.lines.iter().enumerate() {
         let color = COLORS[k % COLORS.len()];
         let points = || line.points.iter().filter(|p| shown(p));
-        // One standard error to each side; where the axis has no room for it, as far as it goes.
+        // One standard error to each side; where the axis has no room for it, as far as the axis goes.
         let least = points().map(|p| p[1]).fold(f64::INFINITY, f64::min);
         let bars = points().filter(|p| p[2].is_finite() && p[2] > 0.0).map(|p| {
             let down = if panel.logarithmic { (p[1] - p[2]).max(0.8 * least) } else { p[1] - p[2] };
@@ -140,7 +140,7 @@ where
         };
         drawn.label(&line.name).legend(legend);
     }
-    // One quantity is named by the axis; a legend would cover it.
+    // The axis names a single quantity, and a legend would cover it.
     if panel.lines.len() < 2 {
         return Ok(());
     }
@@ -157,10 +157,10 @@ where
         .map_err(text)
 }
 
-/// Size of a legend (pixels), about.
+/// Approximate size of a legend (pixels).
 const LEGEND: [i32; 2] = [140, 70];
 
-/// The corner of a plot from `start` to `end` (pixels, down) in which the fewest of the places lie.
+/// The corner of a plot from `start` to `end` (pixels, y down) that contains the fewest of the places.
 fn freest(start: [i32; 2], end: [i32; 2], places: &[(i32, i32)]) -> SeriesLabelPosition {
     use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
     let corners =
@@ -194,7 +194,7 @@ mod tests {
         let files = pictures(dir.path(), &leaves).unwrap();
         let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_str().unwrap()).collect();
         assert_eq!(names, ["a_b.svg", "a_b-2.svg", "leaf.svg", "empty.svg"]);
-        // A legend covers a curve: one stands only where there are two to tell apart.
+        // A legend covers a curve, so there is one only where two must be told apart.
         assert!(!std::fs::read_to_string(&files[0]).unwrap().contains("sigma_a"));
         let two = Panel { lines: vec![line(true), line(false)], ..panel(true) };
         let files = pictures(dir.path(), &[("two".to_string(), vec![two])]).unwrap();

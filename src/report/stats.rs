@@ -30,7 +30,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// `None` when there is nothing finite.
+    /// The summary of sorted values; `None` when nothing is finite.
     pub fn of(sorted: &[f32]) -> Option<Summary> {
         let (first, last) = (sorted.first()?, sorted.last()?);
         Some(Summary {
@@ -75,14 +75,14 @@ impl Histogram {
         self.counts.iter().sum::<usize>() + self.outside
     }
 
-    /// Share a unit of the axis, bin by bin.
+    /// The share per unit of the axis, bin by bin.
     pub fn density(&self) -> Vec<f64> {
         let norm = self.total().max(1) as f64 * (self.max - self.min) / self.counts.len() as f64;
         self.counts.iter().map(|&c| c as f64 / norm).collect()
     }
 }
 
-/// A range that is never empty: widened a little where all values are alike.
+/// A range that is never empty: it is widened a little where all values are equal.
 pub fn widen(min: f64, max: f64) -> (f64, f64) {
     if !(min.is_finite() && max.is_finite()) {
         return (0.0, 1.0);

@@ -1,5 +1,5 @@
-//! A translucency fit in pictures and words: what comes through under three lights, the coefficients, thickness, the
-//! light that enters; how it was made.
+//! A translucency fit in pictures and words: the transmitted light under three lights, the coefficients, the thickness,
+//! the light that enters, and how the fit was made.
 
 use crate::chart::{self, Titles};
 use crate::colour;
@@ -21,7 +21,7 @@ const LIGHTS: [(&str, f64); 3] = [
     ("grazing light at π/8, from the right", PI / 8.0),
 ];
 
-/// The images of one wavelength: a coefficient each, or the one value of a fixed light.
+/// The images of one wavelength: one for each coefficient, or the single value of a fixed light.
 struct Stack<'a> {
     /// `R`, `G`, `B`, or empty.
     letter: &'static str,
@@ -62,10 +62,10 @@ fn good(side: &SideMaps, plane: &[f32], k: usize) -> f32 {
     if side.good[k] { plane[k] } else { f32::NAN }
 }
 
-/// Least width of a scale over its level: a map that is constant but for rounding shows nothing.
+/// Smallest width of a scale relative to its level: a map that is constant except for rounding shows nothing.
 const LEAST: f64 = 0.01;
 
-/// 1 to 99 % of the values of all planes.
+/// The range from the 1 % to the 99 % quantile of all planes.
 fn range(side: &SideMaps, planes: &[&[f32]]) -> (f64, f64) {
     let ends = planes.iter().map(|p| sorted(side.good_values(p))).filter(|v| !v.is_empty());
     let (low, high) = ends
@@ -98,13 +98,13 @@ fn photograph(side: &SideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: String)
     Some(Captioned { picture, caption, bar: String::new() })
 }
 
-/// What brings the 99th percentile of the brightest plane to 0.8.
+/// The factor that brings the 99th percentile of the brightest plane to 0.8.
 fn gain(side: &SideMaps, planes: &[&[f32]]) -> f64 {
     let (_, high) = range(side, planes);
     if high > 0.0 { 0.8 / high } else { 1.0 }
 }
 
-/// What comes through under [`LIGHTS`], on one scale: f, or with three wavelengths M as a colour.
+/// The transmitted light under [`LIGHTS`], on one scale: f, or M as a colour with three wavelengths.
 fn looks(side: &SideMaps, stacks: &[Stack], basis: Basis) -> Vec<Captioned> {
     let lit = |stack: &Stack, elevation: f64| -> Vec<f32> {
         let weights: Vec<f64> =
@@ -126,7 +126,7 @@ fn looks(side: &SideMaps, stacks: &[Stack], basis: Basis) -> Vec<Captioned> {
     drawn.flatten().collect()
 }
 
-/// All coefficients; in one place, so that they can be told apart by eye.
+/// All coefficients in one place, so that they can be compared by eye.
 fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options: &Options) -> Option<MapPictures> {
     let first = stacks.first()?;
     let what = if stacks.len() == 3 { "M (light that comes through over light that falls on the blade)" } else { "f" };
@@ -168,7 +168,8 @@ fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options
     })
 }
 
-/// The one light of a fit without a basis. Its angles were radians in between: rounded to what was asked for.
+/// The single light of a fit without a basis. Its angles were stored in radians, so they are rounded to what was asked
+/// for.
 fn sun(options: &Options) -> String {
     let angle = |name: &str| match options.get(name).map(|v| v.parse::<f64>()) {
         Some(Ok(v)) => plain((v * 1e6).round() / 1e6),
@@ -189,14 +190,14 @@ fn function(basis: Option<Basis>, i: usize) -> String {
     }
 }
 
-/// One wavelength's images. The three vectors of a half-life basis are alike and share a scale; other functions have
+/// One wavelength's images. The three functions of a half-life basis are alike and share a scale; other functions have
 /// their own.
 fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPictures {
     let alike = matches!(basis, Some(Basis::HalfLife2 | Basis::Bent { count: 3 }));
     let common = range(side, &stack.planes);
     let pictures = stack.planes.iter().enumerate().filter_map(|(i, plane)| {
         let (low, high) = if alike { common } else { range(side, &[plane]) };
-        // A function that leans either way has zero in the middle of its scale.
+        // A function with both signs has zero in the middle of its scale.
         let signed = !alike && low < 0.0 && high > 0.0;
         let most = high.max(-low);
         tile(side, plane, if signed { (-most, most) } else { (low, high) }, signed, "", function(basis, i))
@@ -245,7 +246,7 @@ fn single(side: &SideMaps, name: &str, title: &str, unit: &str, caption: &str) -
     })
 }
 
-/// How the fit was made, a label and a sentence each.
+/// How the fit was made: pairs of a label and a sentence.
 pub fn how(options: &Options) -> Vec<(&'static str, String)> {
     let say = |name: &str| options.get(name).map_or("", String::as_str);
     let channels = say("channel").split(' ').map(channel_word).collect::<Vec<_>>().join(", ");

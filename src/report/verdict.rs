@@ -1,4 +1,4 @@
-//! "Is this good?": the rules, in one place. Every reason is said; the worst one rules.
+//! "Is this good?": all rules in one place. Every reason is stated; the worst one decides.
 
 use crate::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::number::{count, percent, plain};
@@ -10,7 +10,7 @@ use mesophyll_record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Share of good texels on the leaf.
+/// Shares of good texels on the leaf above which a leaf is good, and below which it is bad.
 const TEXELS_GOOD: f64 = 0.98;
 const TEXELS_BAD: f64 = 0.9;
 /// Share of runs (texels) that stopped without converging.
@@ -19,16 +19,16 @@ const RUNS_BAD: f64 = 0.1;
 /// Share of truths inside 95 % intervals.
 const COVERAGE_GOOD: std::ops::RangeInclusive<f64> = 0.93..=0.97;
 const COVERAGE_USABLE: std::ops::RangeInclusive<f64> = 0.85..=0.995;
-/// A median error to the truth that is small whatever its interval says.
+/// A median error to the truth below this is small, whatever its interval says.
 const CLOSE: f64 = 0.01;
-/// Relative errors beyond this are not called determined (the promise behind `ok` in batch forms).
+/// A value with a larger relative error is not called determined (the promise behind `ok` in batch forms).
 const RELATIVE_ERROR: f64 = 0.1;
-/// The same of angles (degrees).
+/// The same for angles (degrees).
 const ANGLE_ERROR: f64 = 3.0;
-/// Condition number of the shared problem beyond which half of the digits of an f64 are gone.
+/// Above this condition number of the shared problem, half of the digits of an f64 are lost.
 const CONDITION: f64 = 1e8;
 
-/// Judges a fit by its record and by what was read of its folder.
+/// Judges a fit by its record and by what was read from its folder.
 pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict {
     let mut reasons = Vec::new();
     let mut say = |level: Level, text: String| reasons.push(Reason { level, text });
@@ -40,7 +40,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     for s in &report.sections {
         let side = if s.name == "all" { String::new() } else { format!("{}: ", s.name) };
         approximation(&side, s, &mut say);
-        // A function that is approximated has no noise that its residuals could be set against.
+        // A function that is approximated has no noise with which its residuals could be compared.
         for (what, r) in s.residuals.iter().filter(|_| !approximates(s)) {
             let (level, text) = residuals::judge(what, r, record, s);
             say(level, format!("{side}{text}"));
@@ -89,7 +89,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     finish(&report.name, reasons)
 }
 
-/// Worst errors of approximated functions: their name, what is good, what is bad, and of what they are a share.
+/// Worst errors of approximated functions: their name, what is good, what is bad, and what they are relative to.
 const APPROXIMATIONS: [(&str, f64, f64, &str); 3] = [
     ("error_worst", 1.1e-4, 0.01, "the smallest c00"),
     ("worst_error_of_tip", 0.01, 0.05, "the tip's deflection"),
@@ -115,7 +115,7 @@ fn approximation(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, Stri
     }
 }
 
-/// What a directional basis leaves out of the light that comes through, at the worst of its light angles: RMS over RMS.
+/// The part of the transmitted light that a directional basis leaves out, at its worst light angle: RMS over RMS.
 const BASIS_GOOD: f64 = 0.05;
 const BASIS_BAD: f64 = 0.5;
 
@@ -145,7 +145,7 @@ fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)
 
 fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say: &mut impl FnMut(Level, String)) {
     let Some(good) = s.counts.get("good").copied() else { return };
-    // Besides good and outside, the fates are the named defects; other counts (of all texels, of undetermined ones)
+    // Besides good and outside, the fates are the named defects. Other counts (of all texels, of undetermined ones)
     // overlap with them.
     let named: Vec<(&String, usize)> =
         s.counts.iter().filter(|(n, _)| defects.values().any(|d| d == *n)).map(|(n, c)| (n, *c)).collect();
@@ -171,8 +171,8 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
     say(level, fact);
 }
 
-/// (runs that did not converge, all runs) over the texels; the leaf-wide problem (`leaf_wide:NAME`) is judged on its
-/// own.
+/// The number of runs that did not converge and the number of all runs, over the texels. The leaf-wide problem
+/// (`leaf_wide:NAME`) is judged separately.
 fn terminations(s: &SectionReport) -> (usize, usize) {
     let runs = || s.terminations.iter().filter(|(n, _)| !n.contains(':'));
     let stopped = runs().filter(|(n, _)| !converged(n)).map(|(_, c)| c).sum();
@@ -194,9 +194,9 @@ fn shared_problems(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, St
     }
 }
 
-/// One sentence on the errors, one on the intervals that are right, one on those that are too narrow and one on those
-/// too wide. Wrong intervals around values that are within a percent of the truth call for care; around worse ones they
-/// are bad.
+/// One sentence on the errors, one on the intervals that are right, one on those that are too narrow, and one on those
+/// that are too wide. Wrong intervals around values within a percent of the truth are doubtful; around worse values
+/// they are bad.
 fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
     let (mut near, mut right, mut wide) = (Vec::new(), Vec::new(), Vec::new());
     let (mut narrow, mut narrow_level) = (Vec::new(), Level::Doubtful);
@@ -209,13 +209,13 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
         }
         let Some(c) = t.coverage95 else { continue };
         let close = t.median_relative <= CLOSE;
-        // A share of a few values says nothing: they are counted. Records of earlier versions do not say how many there
-        // were.
+        // A share of a few values says nothing, so they are counted instead. Records of earlier versions do not state
+        // their number.
         let few =
             t.judged.or_else(|| matches!(name.as_str(), "sigma_a" | "sigma_s").then_some(3)).filter(|n| *n < MANY);
         if let Some(values) = few {
-            // One of three misses by chance in one fit of seven, which is no evidence where eight such triples are
-            // judged; two of three in one of 140.
+            // That one of three misses happens by chance in one fit of seven, which is no evidence where eight such
+            // triples are judged. That two of three miss happens in one of 140.
             let hit = (c * values as f64).round() as usize;
             match (values, hit) {
                 (1, 1) => say(
@@ -281,7 +281,7 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         })
         .collect();
     if !undetermined.is_empty() {
-        // A panorama's angles have a rule of their own.
+        // The angles of a panorama have their own rule.
         let rule = if report.kind == FitKind::Panorama {
             ""
         } else {
@@ -296,7 +296,7 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         .filter_map(|p| {
             let relative = p.stderr? / p.value.filter(|v| *v != 0.0)?.abs();
             let channel = if p.channel.is_empty() { String::new() } else { format!(".{}", p.channel) };
-            // A share of an angle means nothing: where it is counted from is a convention.
+            // A relative error of an angle means nothing, because its zero is a convention.
             let loose = if p.unit == "deg" { p.stderr? > ANGLE_ERROR } else { relative > RELATIVE_ERROR };
             loose.then(|| format!("{} {}{channel} ± {}", p.section, parameter(&p.name).0, percent(relative)))
         })

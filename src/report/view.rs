@@ -1,4 +1,4 @@
-//! Rows turned into the lines of tables, as text: what HTML and Markdown share.
+//! Rows turned into lines of tables, as text. HTML and Markdown share them.
 
 use crate::chart::{self, Series, Titles};
 use crate::figure::{self, Figure, words};
@@ -15,12 +15,12 @@ pub struct ParameterLine {
     pub section: String,
     pub name: String,
     pub symbol: String,
-    /// What the symbol stands for; empty where nobody said.
+    /// Meaning of the symbol; empty where it is not known.
     pub meaning: &'static str,
     pub unit: String,
-    /// One cell, or one each for red, green and blue.
+    /// One cell, or three cells for red, green and blue.
     pub cells: Vec<Cell>,
-    /// A series of numbers that are no colour channels.
+    /// A series of numbers that are not colour channels.
     pub series: String,
 }
 
@@ -28,17 +28,17 @@ pub struct ParameterLine {
 pub struct Cell {
     /// Value ± standard error, or `undetermined`.
     pub text: String,
-    /// The parts of the error; for an undetermined value its best estimate and why it is no more than that.
+    /// The parts of the error. For an undetermined value, its best estimate and the reason why it is undetermined.
     pub note: String,
     pub undetermined: bool,
 }
 
-/// What makes a value undetermined, where a table holds one.
+/// The rule for undetermined values, shown where a table has one.
 pub const RULE: &str = "A value is called determined when its standard error is at most 10 % of it. An undetermined \
  value is shown with its best estimate: \
                         do not rely on more of it than its error or its bound allows.";
 
-/// What the caliper's share of an error is, where a table holds one.
+/// The explanation of the caliper's share of an error, shown where a table has one.
 pub(crate) const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the \
  caliper's error moves them and every thickness \
                            of the leaf together, by the same share. Its part and the fit's own part are given beside \
@@ -70,7 +70,8 @@ pub(crate) fn parameter_lines(rows: &[ParameterRow]) -> Vec<ParameterLine> {
     lines
 }
 
-/// `0.412 ± 0.013`, or `undetermined` with the best estimate beside it: never a figure that looks known.
+/// `0.412 ± 0.013`, or `undetermined` with the best estimate beside it; an undetermined value is never printed like a
+/// known one.
 pub(crate) fn parameter_cell(row: &ParameterRow) -> Cell {
     let Some(why) = &row.undetermined else {
         let text = match (row.value, row.stderr) {
@@ -94,7 +95,7 @@ pub(crate) fn parameter_cell(row: &ParameterRow) -> Cell {
         (Some(v), None) => format!("best estimate {}, its error is not bounded", plain(v)),
         (Some(v), Some(e)) => format!("best estimate {} ({})", plus_minus(v, e), percent(e / v.abs())),
     };
-    // The share is already said.
+    // The share was already stated.
     let why: Vec<&str> =
         why.split("; ").filter(|part| !part.is_empty() && !part.starts_with("relative standard error")).collect();
     let note = [vec![estimate.as_str()], why].concat().join("; ");
@@ -109,7 +110,7 @@ pub(crate) fn channel_of(name: &str) -> String {
     }
 }
 
-/// What the RMS of a residual is counted in.
+/// The unit of a residual's RMS.
 pub(crate) fn residual_unit(name: &str) -> &'static str {
     match name {
         "gloss" => "× the noise",
@@ -120,7 +121,7 @@ pub(crate) fn residual_unit(name: &str) -> &'static str {
     }
 }
 
-/// `94.8 %`, or for a few values `2 of 3`, since a share of so few says nothing; `—` where no interval is judged.
+/// `94.8 %`, or `2 of 3` for a few values, because a share of so few says nothing; `—` where no interval is judged.
 pub fn coverage(share: Option<f64>, judged: Option<usize>) -> String {
     match (share, judged) {
         (None, _) => "—".into(),
@@ -129,7 +130,7 @@ pub fn coverage(share: Option<f64>, judged: Option<usize>) -> String {
     }
 }
 
-/// Fewer values than this are counted one by one.
+/// With fewer values than this, they are counted one by one.
 pub(crate) const MANY: usize = 20;
 
 /// A difference of two fits in words.
@@ -147,13 +148,13 @@ pub fn sigmas(row: &ParameterDifference) -> String {
         .map_or_else(|| "not weighed".into(), |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, significant(s, 2)))
 }
 
-/// Figures of a section: those that stand for themselves, and the table of a directional basis's errors.
+/// Figures of a section: those that are shown by themselves, and the table of a directional basis's errors.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Figures {
     pub single: Vec<Figure>,
     /// Figures that have no name on the page.
     pub unnamed: usize,
-    /// Columns of the table, under the heading of its first column; what the table says.
+    /// Heading of the table's first column; the table's other columns and cells follow.
     pub heading: String,
     pub columns: Vec<String>,
     pub table: Vec<(String, Vec<String>)>,
@@ -184,8 +185,8 @@ fn basis_figure(name: &str) -> Option<(usize, usize, &str)> {
     Some((row, NAMES.iter().position(|n| *n == angle)?, channel))
 }
 
-/// How well the basis of a translucency fit holds the light, a column a light angle (and a channel where there are
-/// several).
+/// How well the basis of a translucency fit represents the light, with one column for each light angle (and channel,
+/// where there are several).
 fn light_angles(out: &mut Figures, all: &BTreeMap<String, f64>) {
     let found: Vec<(usize, usize, &str, f64)> =
         all.iter().filter_map(|(n, v)| basis_figure(n).map(|(r, a, c)| (r, a, c, *v))).collect();
@@ -232,7 +233,7 @@ pub(crate) fn trace_charts(fit: &FitReport) -> (Option<String>, Option<String>) 
     )
 }
 
-/// A logarithmic axis has no zero: a first row at time zero stands where half of the first positive time would.
+/// A logarithmic axis has no zero: a first row at time zero is drawn at half of the first positive time.
 fn curves(times: &TimesReport, pick: impl Fn(&mesophyll_solve::TraceRow) -> Option<f64>) -> Vec<Series> {
     let first = |rows: &[mesophyll_solve::TraceRow]| {
         rows.iter().map(|r| r.elapsed_s).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)

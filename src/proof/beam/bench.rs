@@ -1,5 +1,5 @@
-//! Sweeps of the branches' accuracy knobs: coefficients, degree in the taper, arc length steps, precision, size of a
-//! motion texture.
+//! Sweeps over the settings that decide the accuracy of branches: coefficients, degree in the taper, arc length steps,
+//! precision, size of a motion texture.
 
 use super::figures::{example, printed_length_error};
 use super::reference;
@@ -29,7 +29,7 @@ fn each(mut work: impl FnMut(f64) -> f64) -> f64 {
 /// The rows.
 ///
 /// # Errors
-/// None today; the signature is that of every sweep.
+/// None; the signature is that of every sweep.
 pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let digits = |single: bool| {

@@ -10,8 +10,8 @@ use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 /// A named curve.
 pub type Curve = (String, Vec<(f64, f64)>);
 
-/// Worst error over all tapers (of the tip's deflection) against coefficients a branch, and against the numbers that
-/// stand for all tapers.
+/// Worst error over all tapers, relative to the tip's deflection: against the number of coefficients a branch, and
+/// against the number of coefficients that serve all tapers.
 pub fn error_against_coefficients() -> Vec<Curve> {
     let sweep = |variable| (1..=8).map(|n| (n as f64, of_branches(variable, n))).collect::<Vec<_>>();
     let smooth = |degree| (2..=6).map(|n| (n as f64, smooth_fit(n, degree).worst().0)).collect::<Vec<_>>();
@@ -23,7 +23,7 @@ pub fn error_against_coefficients() -> Vec<Curve> {
     ]
 }
 
-/// Length of the branch after the printed correction over what it was, less 1, for the exact deflection.
+/// Length of the branch after the printed correction, divided by its true length, less 1, for the exact deflection.
 pub fn printed_length_error(alpha: f64, tip: f64) -> f64 {
     let amplitude = tip / beam::deflection(alpha, 1.0);
     let (mut length, mut last) = (0.0, [0.0; 2]);
@@ -57,17 +57,18 @@ pub fn length_errors() -> Vec<Curve> {
     curves
 }
 
-/// Directions of a bent axis against those of the curve it follows, worst over x (degrees).
+/// Errors of the directions along a bent axis, compared with those of the curve that it follows; worst over x
+/// (degrees).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Directions {
-    /// H9 Eq. 4.14: u′ at the corrected place x − d/s, against the tangent of the printed curve itself (differences of
-    /// its points).
+    /// H9 Eq. 4.14: u′ at the corrected place x − d/s, compared with the tangent of the printed curve itself
+    /// (differences of its points).
     pub printed: f64,
-    /// The same against the branch of true length.
+    /// The same compared with the branch of true length.
     pub printed_true: f64,
-    /// Ours against differences of our own points.
+    /// Our directions compared with differences of our own points.
     pub ours: f64,
-    /// Ours (four coefficients) against the exact beam at its true length.
+    /// Our directions (four coefficients) compared with the exact beam at its true length.
     pub ours_true: f64,
 }
 
@@ -101,8 +102,8 @@ pub fn example(ratio: f64) -> Sway {
     Sway { wind: Wind { speed: 3.0, turbulence: 0.3 }, oscillator: Oscillator::of_branch(1.2, false, ratio), lean: 0.1 }
 }
 
-/// Spectra of lines through a texture: wanted, printed form, inverse Abel, directed; and the RMS log₁₀ deviations of
-/// the last three.
+/// Spectra along lines through a texture: the wanted one, and those of the printed form, of the inverse Abel transform
+/// and of the directed texture. Also the RMS deviations in log₁₀ of the last three.
 pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
     let s = example(ratio);
     let mut curves: Vec<Curve> = Vec::new();
@@ -126,8 +127,8 @@ pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
     (curves, off)
 }
 
-/// Deflection over the tip's for six tapers; for one of them also what the printed pair and four coefficients make of
-/// it.
+/// Deflection divided by the tip's for six tapers. For one of them also the approximations by the printed pair and by
+/// four coefficients.
 fn shapes() -> Vec<Curve> {
     let mut curves = Vec::new();
     for alpha in [1.0, 0.3, 0.1, 0.05, 0.01, 1e-4] {
@@ -145,7 +146,7 @@ fn shapes() -> Vec<Curve> {
     curves
 }
 
-/// All that the pictures of branches show.
+/// Everything that the pictures of branches show.
 #[derive(Debug, Clone)]
 pub struct Figures {
     /// Worst error against coefficients a branch.
@@ -156,7 +157,7 @@ pub struct Figures {
     pub lengths: Vec<Curve>,
     /// Spectra along lines through motion textures, at a tenth and at half of critical damping.
     pub spectra: Vec<Curve>,
-    /// How far the lines of three methods are from the wanted spectrum (RMS of log10), at either damping: see
+    /// How far the lines of three methods are from the wanted spectrum (RMS of log10), at both dampings; see
     /// [`spectra`].
     pub spectrum_errors: [[f64; 3]; 2],
 }
@@ -180,7 +181,7 @@ pub fn all() -> Figures {
 mod tests {
     use super::*;
 
-    /// "2.4° at most" holds for u = x² in the source; for tapered branches its tangents are off by more.
+    /// The source's "2.4° at most" holds for u = x². On tapered branches its tangents are off by more.
     #[test]
     fn directions_are_those_of_the_curve() {
         for alpha in [1.0, 0.3, 0.1] {

@@ -1,4 +1,4 @@
-//! Bending branches against double-double references.
+//! Bending branches, compared with double-double references.
 
 pub mod bench;
 pub mod figures;

@@ -1,9 +1,10 @@
-//! The tapered beam in double-double, by other formulas than the library's: what its digits are counted against.
+//! The tapered beam in double-double arithmetic, by other formulas than the library's. The library's correct digits are
+//! counted against it.
 
 use crate::precise::{Dd, Dual, Real};
 use mesophyll_solve::qr::Number;
 
-/// H9 Eq. 4.7 with its prefactor F/(E′r₁⁴) = 1, as printed otherwise.
+/// H9 Eq. 4.7 as printed, except that its prefactor F/(E′r₁⁴) is 1.
 fn printed<T: Real>(alpha: T, x: T) -> T {
     let c = T::constant;
     let b = alpha - T::one();
@@ -81,7 +82,7 @@ mod tests {
         assert!(worst.0 >= 12.0, "{worst:?}");
     }
 
-    /// The two references against each other where both hold.
+    /// Compares the two references where both are valid.
     #[test]
     fn the_references_agree() {
         for x in [0.8, 0.9, 1.0] {
@@ -93,7 +94,7 @@ mod tests {
                 close(series.1, closed.d[0]);
             }
         }
-        // mpmath-free anchor: α = 1 in closed form.
+        // A reference value that does not come from mpmath: α = 1 in closed form.
         let (u, _) = exact(1.0, 1.0);
         assert!((u * Dd::PI * Dd::constant(2.0) - Dd::one()).value().abs() < 1e-30);
     }

@@ -1,4 +1,4 @@
-//! Stiff and extreme branches with the verdict that each must get.
+//! Stiff and extreme branches, each with the verdict that it must get.
 
 use super::reference;
 use crate::stress::StressRow;
@@ -28,7 +28,7 @@ fn row(
     }
 }
 
-/// Fewest digits of u and u′ over x; `ok` where they are as many as promised.
+/// Fewest correct digits of u and u′ over x; the verdict is `ok` where there are as many as promised.
 fn forward(case: &str, alpha: f64, promised: f64, at: impl Fn(f64) -> (f64, f64, f64, f64)) -> StressRow {
     let clock = Instant::now();
     let mut fewest = 16.0f64;
@@ -48,7 +48,7 @@ fn exact(case: &str, alpha: f64) -> StressRow {
 }
 
 fn single(case: &str, alpha: f32) -> StressRow {
-    // 2e-6 of u.
+    // An error of 2e-6 of u is allowed.
     forward(case, f64::from(alpha), 5.7, |x| {
         let x = x as f32;
         let (u, du) = beam::single(alpha, x);
@@ -56,7 +56,7 @@ fn single(case: &str, alpha: f32) -> StressRow {
     })
 }
 
-/// A measured branch; digits are those of taper and load over stiffness, where they are claimed.
+/// A measured branch. Digits are those of taper and load over stiffness, where the fit claims to know them.
 fn measured(case: &str, expected: &str, truth: Truth, noise: f64, spoil: impl Fn(&mut Branch)) -> StressRow {
     let mut b = branch(&truth, 24, noise, 11, Along::Branch);
     spoil(&mut b);
@@ -114,7 +114,7 @@ pub fn rows() -> Vec<StressRow> {
         measured("measured, taper 1 - 1e-5, noise 0.1 %", "ok", Truth { alpha: 1.0 - 1e-5, ..t }, 1e-3, |_| {}),
         measured("measured, noise 20 %", "undetermined: alpha load_over_stiffness_mm", t, 0.2, |_| {}),
         measured("measured, zero load, noise only", "undetermined: alpha", t, 0.01, |b| {
-            // What the noise of the same seed leaves when the deflection itself is taken away.
+            // What the noise of the same seed leaves when the deflection itself is subtracted.
             for r in &mut b.readings {
                 r.deflection -= t.across(r.position / t.length, Along::Branch);
             }

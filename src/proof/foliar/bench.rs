@@ -1,4 +1,4 @@
-//! Error against time of the two ways through the layers of a leaf, and rays a second and core.
+//! Error against time of the two methods for the layers of a leaf, and rays a second and core.
 //!
 //! The leaves are the soybean leaf of Baranoski & Rokne (2001) at three absorptions, lit from both sides at three
 //! angles; the reference is the exact method with more than twice the usual nodes.
@@ -12,7 +12,7 @@ use std::time::Instant;
 const DEPTHS: [f64; 3] = [0.05, 0.4, 2.0];
 const INCIDENCE: [f64; 3] = [0.0, 0.8, 1.4];
 
-/// Leaf, side, angle of incidence (radians) and what the reference says.
+/// Leaf, side, angle of incidence (radians) and the reference's answer.
 type Case = (Leaf, Side, f64, Response);
 
 fn cases() -> Vec<Case> {

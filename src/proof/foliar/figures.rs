@@ -1,13 +1,13 @@
-//! The numbers behind the pictures of `docs/foliar.md`: what B1 shows as Fig. 3 to 5.
+//! The numbers behind the pictures of `docs/foliar.md`, which show what B1 shows in its Fig. 3 to 5.
 
 use mesophyll_optics::foliar::goniometer::{Goniometer, RINGS, SECTORS};
 use mesophyll_optics::foliar::{Leaf, Side, fsm, walk};
 
-/// Wavelengths (nm) of the model's red, green and blue, and the absorption of one crossing of the soybean leaf's
-/// mesophyll there: 43.62 µg/cm² of chlorophyll (B1, Table 1) times the specific absorption that the public ABM program
-/// has.
+/// For the model's red, green and blue: the wavelength (nm), and the absorption of one crossing of the soybean leaf's
+/// mesophyll there. The latter is 43.62 µg/cm² of chlorophyll (B1, Table 1) times the specific absorption of the public
+/// ABM program.
 pub const SOYBEAN: [(f64, f64); 3] = [(608.0, 0.8872), (551.0, 0.5147), (465.0, 1.8975)];
-/// Chlorophyll of a vein, as a part of the leaf's (B1).
+/// Chlorophyll of a vein as a share of the leaf's (B1).
 pub const VEIN: f64 = 0.1;
 /// Rays of each polar plot.
 const RAYS: u64 = 8_000_000;
@@ -43,8 +43,8 @@ pub fn tables() -> [(&'static str, Vec<Curve>); 4] {
     ]
 }
 
-/// What the goniometer sees in the plane of incidence: angle from the lit side's normal, positive on the mirror side,
-/// from −180° to 180°, and BRDF or BTDF (1/sr). Each is the mean of the two patches next to the plane.
+/// The goniometer's readings in the plane of incidence: the angle from the lit side's normal (−180° to 180°, positive
+/// on the mirror side), and BRDF or BTDF (1/sr). Each reading is the mean of the two patches next to the plane.
 pub fn in_plane(value: impl Fn(usize, usize) -> f64) -> Vec<(f64, f64)> {
     let half = SECTORS / 2;
     let both = |ring: usize, sector: usize| 0.5 * (value(ring, sector) + value(ring, (sector + SECTORS - 1) % SECTORS));

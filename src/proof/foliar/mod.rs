@@ -1,4 +1,4 @@
-//! The layers of a leaf: rays and the exact method against each other and against the clock, and extreme leaves.
+//! The layers of a leaf: comparisons of rays with the exact method, their run times, and extreme leaves.
 
 pub mod bench;
 pub mod figures;

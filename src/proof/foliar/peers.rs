@@ -1,5 +1,5 @@
-//! What the peer of `bench abm` is measured on: what leaves of 45 species reflect and let through, and our fit of the
-//! same readings.
+//! The measurements that the peer of `bench abm` is run on (reflectance and transmittance of leaves of 45 species), and
+//! our fit of the same readings.
 
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
@@ -9,7 +9,8 @@ use mesophyll_fit::foliar::{Known, Model, Parameter, Reading};
 use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
 use mesophyll_optics::foliar::{Oblateness, Path, Side};
 
-/// Measured means of species (`SOURCE.md` beside it says whose): R and T at [`WAVELENGTHS`] are the last six columns.
+/// Measured means of species (`SOURCE.md` in the same folder names the source). The last six columns are R and T at
+/// [`WAVELENGTHS`].
 const SPECIES: &str = include_str!("../../../data/leaves/species_means.csv");
 /// The example's table of pigments.
 const PIGMENTS: &str = include_str!("../../../data/tables/pigments.csv");
@@ -49,7 +50,7 @@ pub fn inputs() -> Result<Inputs> {
         let known = Known { contents: [0.0; 5], oblateness: Oblateness::USUAL.epidermis };
         let reading =
             |(k, value): (usize, &f64)| Reading { light: k / 2, through: k % 2 == 1, value: *value, err: f64::NAN };
-        // After the values and their errors comes how far the fit stayed from its readings.
+        // After the values and their errors comes the misfit of the readings.
         let misfit = |leaf: &[f64; 6]| {
             let readings: Vec<Reading> = leaf.iter().enumerate().map(reading).collect();
             let answer = model.fit(&readings, &known);

@@ -1,9 +1,9 @@
-//! What the foliar scattering model (FSM) costs and gains beside the layered leaf (ABM) that it stands for, in
-//! pictures: Table 3, Fig. 7 and Fig. 8 of Baranoski & Rokne (2001), and the price of exchanging source and viewer.
+//! What the foliar scattering model (FSM) costs and gains compared with the layered leaf (ABM) that it approximates, in
+//! pictures: Table 3, Fig. 7 and Fig. 8 of Baranoski & Rokne (2001), and the error of exchanging source and viewer.
 //!
-//! The sets are soybean leaves under sun and sky: one lit from above, the same lit from below, and nine that shade and
-//! light each other. All pictures are small; the sun is a wide disk, because rays of the
-//! ABM find it by chance.
+//! The scenes are soybean leaves under sun and sky: one leaf lit from above, the same lit from below, and nine leaves
+//! that shade and light each other. All pictures are small. The sun is a wide disk, because rays of the ABM find it
+//! only by chance.
 
 use super::figures::SOYBEAN;
 use crate::Result;
@@ -21,7 +21,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 const SIZE: [usize; 2] = [32, 24];
-/// Paths a pixel of each of the two pictures whose mean others are held against, and of those.
+/// Paths for each pixel of the two reference pictures, whose mean the others are compared with, and paths for each
+/// pixel of the others.
 const REFERENCE: u32 = 4096;
 const PATHS: u32 = 1024;
 const EXPOSURE: f64 = 2.0;
@@ -88,7 +89,7 @@ fn sets() -> [(&'static str, World, Camera); 3] {
     ]
 }
 
-/// A picture as it is shown, with microseconds a path and the median relative error of its pixels.
+/// A picture as it is shown, with the time of a path (µs) and the median relative error of its pixels.
 fn draw(world: &World, camera: Camera, foliar: &Foliar, paths: u32, seed: u64) -> Result<(Vec<f64>, f64, f64)> {
     let world = World { foliar: vec![Some(Arc::new(foliar.clone()))], ..world.clone() };
     let tracer = Tracer::new(&world, Paths::default())?;
@@ -101,7 +102,7 @@ fn draw(world: &World, camera: Camera, foliar: &Foliar, paths: u32, seed: u64) -
     Ok((shown, us, picture.median_error().unwrap_or(f64::NAN)))
 }
 
-/// Root of the mean square of differences (Eq. 6).
+/// Square root of the mean square of differences (Eq. 6).
 fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len().max(1) as f64).sqrt()
 }
@@ -113,7 +114,7 @@ fn row(knob: &str, setting: impl Into<String>, error: f64, us: f64, note: String
 /// The rows.
 ///
 /// # Errors
-/// A world that cannot be traced, which these can; and a stop.
+/// A world that cannot be traced (these can), and a stop.
 pub fn rows() -> Result<Vec<BenchRow>> {
     let soybean = SOYBEAN.map(|(_, depth)| Leaf::soybean(depth));
     let Some(model) = Foliar::new(Model::Fsm, soybean) else { return Ok(Vec::new()) };
@@ -127,7 +128,8 @@ pub fn rows() -> Result<Vec<BenchRow>> {
         rows.push(row("ABM as the leaf", name, 0.5 * rms(&one, &two), us, note));
         for (what, foliar) in [("FSM as the leaf", &model), ("FSM of the paper as the leaf", &paper)] {
             let (shown, its_us, its_noise) = draw(&world, camera, foliar, PATHS, 3)?;
-            // Errors fall with the root of the paths: the same error takes its square times as many.
+            // Errors fall with the square root of the number of paths, so the same error takes the square of the ratio
+            // as many paths.
             let equal = (us * noise.powi(2) * f64::from(REFERENCE)) / (its_us * its_noise.powi(2) * f64::from(PATHS));
             let note = format!(
                 "RMS (Eq. 6) of displayed values from the ABM's picture; {:.1} times as fast a path, {equal:.1} times to \
@@ -164,8 +166,9 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// What it costs to take the viewer for the source: radiance of a leaf under diffuse light on one side, beside the
-/// share that it would reflect or let through of light from the viewer. They are equal in a reciprocal leaf.
+/// The error of taking the viewer for the source. The radiance of a leaf under diffuse light on one side is compared
+/// with the share of light from the viewer that the leaf would reflect or let through. The two are equal for a
+/// reciprocal leaf.
 fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
     const NODES: usize = 24;
     const RAYS: u64 = 400_000;
@@ -174,7 +177,7 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
         .into_iter()
         .map(|side| {
             let clock = Instant::now();
-            // Light that leaves by ring, under light that arrives evenly: sin²θ is uniform.
+            // The light that leaves, ring by ring, under light that arrives evenly (sin²θ is uniform).
             let mut rings = [0.0; RINGS];
             for (k, &(x, w)) in nodes.iter().enumerate() {
                 let seen = walk::directions(leaf, side, x.sqrt().asin(), RAYS, k as u64, &|| false);
@@ -182,7 +185,7 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
                     *sum += w * (0..SECTORS).map(|s| seen.reading(ring, s).fraction.0).sum::<f64>();
                 }
             }
-            // What FSM's exchange says of the same radiance. Beyond the middle ring the viewer is on the other side.
+            // The same radiance by FSM's exchange. Beyond the middle ring the viewer is on the other side.
             let other = if side == Side::Adaxial { Side::Abaxial } else { Side::Adaxial };
             let (mut square, mut weight, mut worst) = (0.0, 0.0, 0.0f64);
             for (ring, share) in rings.iter().enumerate() {
@@ -209,8 +212,8 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
         .collect()
 }
 
-/// Total variation between ABM's and FSM's light on the goniometer's patches: half the sum of differences over the
-/// light that leaves.
+/// Total variation between the ABM's and the FSM's light on the goniometer's patches: half the sum of the differences,
+/// divided by the light that leaves.
 fn variations(model: &Foliar, leaf: &Leaf) -> Vec<BenchRow> {
     let mut rows = Vec::new();
     for side in [Side::Adaxial, Side::Abaxial] {

@@ -1,5 +1,5 @@
 //! Extreme leaves. The verdict is `ok` where rays and the exact method agree within five standard errors, light is
-//! conserved, and a closed form is met where there is one.
+//! conserved, and a closed form is met where one exists.
 
 use crate::stress::StressRow;
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Response, Side, exact, walk};
@@ -7,8 +7,8 @@ use std::time::Instant;
 
 const INF: f64 = f64::INFINITY;
 
-/// A case: its name, the leaf, side and angle of incidence (degrees), rays, and what R and T have to be where that is
-/// known.
+/// A case: its name, the leaf, the lit side, the angle of incidence (degrees), the number of rays, and the right R and
+/// T where they are known.
 struct Case {
     name: &'static str,
     leaf: Leaf,
@@ -62,7 +62,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Runs every case. 1e9 rays take minutes, so that their case only asks what would overflow.
+/// Runs every case. 1e9 rays would take minutes, so their case only checks what could overflow.
 pub fn rows() -> Vec<StressRow> {
     let mut rows: Vec<StressRow> = cases().iter().map(run).collect();
     rows.push(narrow());
@@ -105,7 +105,7 @@ fn run(case: &Case) -> StressRow {
     row(case.name, "ok", verdict, off, clock)
 }
 
-/// Lobes of some thousandths of a degree do what straight light does.
+/// Lobes that are some thousandths of a degree wide act like no lobes.
 fn narrow() -> StressRow {
     let clock = Instant::now();
     let (leaf, straight) = (lobes(Leaf::soybean(0.3), 1e9, 1e9, 1e9), lobes(Leaf::soybean(0.3), INF, INF, INF));
@@ -118,7 +118,7 @@ fn narrow() -> StressRow {
     row("oblateness 1e9", "ok", verdict, Some(off), clock)
 }
 
-/// Shares and errors of counts beyond what 32 bits hold.
+/// Shares and errors of counts that exceed 32 bits.
 fn many() -> StressRow {
     let clock = Instant::now();
     let counts = walk::Counts { rays: 10_000_000_000, reflected: 2_500_000_000, transmitted: 0, lost: 0 };

@@ -9,7 +9,7 @@ use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
 use mesophyll_optics::tube::lanes::Level;
 use mesophyll_optics::tube::{Model, Precision, Travel};
 
-/// Texels with slopes between `m` and tilts to ±`tilt`.
+/// Texels with slopes within `m` and tilts up to ±`tilt`.
 fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {
     let mut noise = Noise::new(seed);
     let mut draw = || {
@@ -24,7 +24,7 @@ fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {
     (0..count).map(|_| draw()).collect()
 }
 
-/// Texels, what the device shows of them, and what fits make of that.
+/// Texels, the traces that the device records of them, and the results of fits.
 struct Set {
     device: Device,
     positions: Vec<f64>,
@@ -41,14 +41,15 @@ impl Set {
         Set { device, positions, truths, traces }
     }
 
-    /// µs a texel.
+    /// Time of a texel (µs).
     fn time(&self, fitter: &TexelFitter) -> f64 {
         let mut ws = fitter.workspace();
         let all = || self.traces.iter().map(|trace| fitter.fit(&mut ws, [0.0; 2], trace, None).m).sum::<f64>();
         median_us(60.0, all) / self.traces.len() as f64
     }
 
-    /// Relative errors of m, ascending, and how many fits failed: did not converge, or lie six of their own errors off.
+    /// Relative errors of m, ascending, and the number of failed fits: those that did not converge, or are off by more
+    /// than six of their own errors.
     fn errors(&self, fitter: &TexelFitter) -> (Vec<f64>, usize) {
         let mut ws = fitter.workspace();
         let (mut errors, mut failed) = (Vec::new(), 0);
@@ -66,11 +67,11 @@ fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchR
     BenchRow { model: "gloss".into(), knob: knob.into(), setting, error, us, note }
 }
 
-/// The sweeps: µs a texel (RGB, one pass, one thread) against nodes, frames, the template bank and the lobe, and the
-/// error of traces and of the fit.
+/// The sweeps: time a texel (µs; RGB, one pass, one thread) over nodes, frames, template bank and lobe, and the errors
+/// of traces and of the fit.
 ///
 /// # Errors
-/// None today; the signature is that of every sweep.
+/// None; the signature is that of every sweep.
 pub fn bench_rows() -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     // Texels of a typical leaf.
@@ -94,7 +95,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         rows.push(row("frames used", frames.to_string(), errors[errors.len() / 2], set.time(&fitter), note));
     }
     for lobe in Lobe::all(1.45) {
-        // With F·G in the model ρs is larger by about as much as F is small.
+        // With F·G in the model, ρs is larger by about the factor by which F is small.
         let scale = if lobe.index().is_some() { 15.0 } else { 1.0 };
         let truths = truths.iter().map(|t| Truth { rho_s: t.rho_s.map(|r| r * scale), ..*t }).collect();
         let set = Set::new(lobe, 0.01, 100, truths);
@@ -106,7 +107,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         );
         rows.push(row("lobe", lobe.name().into(), errors[errors.len() / 2], set.time(&fitter), note));
     }
-    // The hard set: here a poor start is not made good by the descent.
+    // The hard set: here the descent does not make up for a poor start.
     let hard = Set::new(Lobe::Beckmann, 0.02, 100, texels(300, 6, [0.03, 0.9], 0.1745));
     for fineness in [0.15, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5] {
         let fitter = TexelFitter::with_bank(&hard.device, &hard.positions, None, &Precision::default(), fineness);
@@ -126,7 +127,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// Worst error of S over its peak, m .03–.7, against many nodes.
+/// Worst error of S relative to its peak for m from .03 to .7, compared with many nodes.
 fn trace_error(along: usize) -> f64 {
     let (device, positions) = (device(Lobe::Beckmann, 0.01), pass_x(100));
     let fine = Model::new(device.tube(), device.camera, device.lobe, &Precision::fine());

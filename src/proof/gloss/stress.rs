@@ -1,4 +1,4 @@
-//! Stiff and extreme gloss traces with the verdict each must get.
+//! Stiff and extreme gloss traces, each with the verdict that it must get.
 
 use crate::stress::StressRow;
 use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
@@ -10,13 +10,13 @@ const COMMON: Truth = Truth { rho_d: [0.08, 0.15, 0.05], rho_s: [0.05; 3], m: 0.
 const COOK_TORRANCE: Lobe = Lobe::CookTorrance { index: 1.45 };
 const NOT_EXPLAINED: &str = "(residuals exceed the noise)";
 
-/// A case: what is there, what may be spoilt, what must be said.
+/// A case: the true texel, how its trace is damaged, and the verdict that it must get.
 struct Case {
     name: &'static str,
     expected: String,
     truth: Truth,
     noise: f64,
-    /// Values exact but for single precision; the stated noise is that of the quadrature.
+    /// Whether values are exact except for single precision; the stated noise is then that of the quadrature.
     exact: bool,
     lobe: Lobe,
     camera_deg: f64,
@@ -178,7 +178,7 @@ fn run(case: &Case) -> StressRow {
     (case.spoil)(&mut samples);
     let fitter = TexelFitter::new(&device, &positions, None);
     let mut ws = fitter.workspace();
-    // Once to build the templates, once against the clock.
+    // The fit runs once to build the templates, and once to be timed.
     fitter.fit(&mut ws, [0.0; 2], &samples, None);
     let clock = std::time::Instant::now();
     let fit = fitter.fit(&mut ws, [0.0; 2], &samples, None);
@@ -221,7 +221,7 @@ mod tests {
         let rows = super::rows();
         let missed: Vec<_> = rows.iter().filter(|r| r.verdict != r.expected).collect();
         assert!(missed.is_empty(), "{missed:#?}");
-        // Where an answer is promised it has the digits that the noise allows (1 %: two to three and a half).
+        // Where an answer is promised, it has the digits that the noise allows (at 1 %, two to three and a half).
         assert!(rows.iter().filter(|r| r.verdict == "ok").all(|r| r.digits.is_some_and(|d| d > 1.0)), "{rows:#?}");
     }
 }

@@ -1,5 +1,5 @@
-//! Slices of a lawn beside its blades: the error of their coverage and colour against the bytes that they take, with
-//! and without weights, and with the first slices of a ray only.
+//! Slices of a lawn compared with its blades: the error of their coverage and colour against their size in bytes, with
+//! and without weights, and with only the first slices of a ray.
 
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
@@ -12,9 +12,9 @@ use mesophyll_fit_grass::{Options, baked, folder::Errors, optics, weights};
 use mesophyll_flora::grow::meadow;
 use std::path::Path;
 
-/// The lawn, part of the program.
+/// The lawn, which is compiled into the program.
 const LAWN: &str = include_str!("../../../data/grass/lawn.toml");
-/// Slices and texels that are tried.
+/// The numbers of slices and texels that are tried.
 const TRIED: [(usize, [usize; 2]); 5] =
     [(16, [64, 16]), (16, [128, 32]), (16, [256, 64]), (32, [128, 32]), (32, [256, 64])];
 /// Steps of the progress bar.

@@ -1,4 +1,4 @@
-//! Slices of meadows: their errors and bytes, and what is hard for them.
+//! Slices of meadows: their errors and sizes, and the cases that are hard for them.
 
 pub mod bench;
 pub mod stress;

@@ -1,4 +1,4 @@
-//! Meadows and rays that are hard for slices: whether what a ray gathers stays a share, and is what it has to be.
+//! Meadows and rays that are hard for slices: whether the opacity along a ray stays a share, and whether it is right.
 
 use crate::stress::StressRow;
 use glam::DVec3;
@@ -11,7 +11,7 @@ use mesophyll_flora::grow::meadow;
 use std::path::Path;
 use std::time::Instant;
 
-/// A lawn on a small square, with so many blades on a square metre.
+/// A lawn on a small square, with this many blades a square metre.
 fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<Meadow, String> {
     let text = include_str!("../../../data/grass/lawn.toml");
     let mut described: meadow::Meadow = toml::from_str(text).map_err(|e| e.to_string())?;
@@ -39,7 +39,7 @@ fn even(opacity: f32) -> Result<Slices, String> {
     Ok(Slices { upright, level, cover, ..slices })
 }
 
-/// Opacity along a ray; an error where it is no share.
+/// Opacity along a ray; an error where it is not between 0 and 1.
 fn opacity(slices: &Slices, origin: DVec3, d: DVec3, steps: usize) -> Result<f64, String> {
     let found = slices.march(origin, d, steps, 0.0, |_, texel| [texel[1], texel[2], texel[3]]);
     let share = |v: f64| (0.0..=1.0 + 1e-12).contains(&v);
@@ -49,7 +49,7 @@ fn opacity(slices: &Slices, origin: DVec3, d: DVec3, steps: usize) -> Result<f64
     Ok(found.opacity)
 }
 
-/// A row: `case` answers with what was found and what is right, and how far apart they may be.
+/// A row. `of` returns what was found, what is right, and how far apart the two may be.
 fn row(case: &str, expected: &str, of: impl FnOnce() -> Result<[f64; 3], String>) -> StressRow {
     let clock = Instant::now();
     let found = of();

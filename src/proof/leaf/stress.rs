@@ -1,5 +1,5 @@
-//! Stiff and extreme leaves with the verdict each must get: small synthetic scans, spoilt where a case says so, through
-//! the whole of `fit leaf` in a temporary folder.
+//! Stiff and extreme leaves, each with the verdict that it must get. Small synthetic scans, damaged where a case says
+//! so, go through the whole of `fit leaf` in a temporary folder.
 //!
 //! A verdict is `ok` (σa and σs of every channel within 10 %, and the truth within four printed errors, on both sides),
 //! `undetermined: ` with the shared parameters that `fit.toml` names (`gloss` where most texels' gloss is not
@@ -22,7 +22,7 @@ use std::time::Instant;
 /// The leaf that cases are made from.
 const LEAF: &str = include_str!("../../../data/leaves/balata.toml");
 
-/// A case: how the leaf differs, how it is scanned, how the scan is spoilt, what must be said.
+/// A case: how the leaf differs, how it is scanned, how the scan is damaged, and the verdict that it must get.
 struct Case {
     name: &'static str,
     expected: &'static str,
@@ -32,7 +32,7 @@ struct Case {
     passes: Vec<Travel>,
     leaf: fn(&mut Spec),
     spoil: fn(&Path) -> Result<()>,
-    /// Whether what is left of the scan still shows the leaf it was made from.
+    /// Whether the damaged scan still shows the leaf that it was made from.
     true_to_leaf: bool,
 }
 
@@ -107,7 +107,7 @@ fn cases() -> Vec<Case> {
             name: "white leaf: 1-omega 1e-7",
             leaf: |s| {
                 s.interior = Interior { sigma_a: [1.5e-6; 3], sigma_s: [15.0; 3] };
-                // γ above 1 would be more light than arrives.
+                // A γ above 1 would be more light than arrives.
                 both_sides(s, |f| (f.gamma_veins, f.gamma_lamina) = ([0.0; 3], 0.0));
             },
             expected: "undetermined: sigma_a.R sigma_a.G sigma_a.B",
@@ -159,7 +159,7 @@ fn run(case: &Case) -> Result<StressRow> {
     let capture = folder.path().join("scan");
     let mut spec: Spec =
         toml::from_str(LEAF).map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
-    // Texels of three millimetres show no fine veins: growing them would take longer than everything else.
+    // Texels of three millimetres show no fine veins, and growing them would take longer than everything else.
     (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
     (case.leaf)(&mut spec);
     let [width, height] = case.size;
@@ -183,7 +183,7 @@ fn run(case: &Case) -> Result<StressRow> {
     let (verdict, digits, condition) = match outcome {
         Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => judge(&record, case, &spec),
         Ok(Outcome::ShardDone { .. }) => ("wrong: a shard of one is not the whole".to_string(), None, None),
-        // The place is a temporary folder: only its last part is the case's own.
+        // The folder is temporary: only its last part belongs to the case.
         Err(e) => (format!("refused: {}", name_of(&e.to_string())), None, None),
     };
     Ok(StressRow {
@@ -230,8 +230,8 @@ fn judge(record: &FitRecord, case: &Case, spec: &Spec) -> (String, Option<f64>, 
                 let off = (value - truth[c]).abs();
                 let digits = -(off / truth[c]).clamp(1e-16, 1.0).log10();
                 worst = Some(worst.map_or(digits, |w| w.min(digits)));
-                // The gauge is the good texels' mean thickness: without the others it is another mean, by their share
-                // of its scatter. Maps are single precision.
+                // The gauge is the mean thickness of the good texels. Without the other texels the mean differs by
+                // their share of its scatter. Maps are in single precision.
                 if !(off <= 4.0 * error + (0.2 * left_out + 1e-5) * truth[c]) {
                     wrong = Some(format!(
                         "wrong: {} {full} is {value:.4} ± {error:.1e}, the truth {:.4}",
@@ -244,10 +244,10 @@ fn judge(record: &FitRecord, case: &Case, spec: &Spec) -> (String, Option<f64>, 
         if 2 * count("gloss_undetermined") > count("good") && !open.iter().any(|o| o == "gloss") {
             open.push("gloss".into());
         }
-        // Maps are judged by their intervals, where there are texels enough and noise to have intervals of.
+        // Maps are judged by their intervals, where there are enough texels and where there is noise.
         for (name, t) in section.truth.iter().filter(|_| case.true_to_leaf && case.noise > 0.0) {
             let gloss = ["rho_s", "m"].contains(&name.as_str());
-            // Thickness and γ move with the gauge where texels were left out.
+            // Thickness and γ change with the gauge where texels were left out.
             let gauged = ["thickness", "gamma"].contains(&name.as_str());
             let map = ["rho_d", "rho_t"].contains(&name.as_str())
                 || (gloss && !open.iter().any(|o| o == "gloss"))
@@ -286,12 +286,13 @@ fn each_frame(capture: &Path, change: impl Fn(&mut Vec<f32>)) -> Result<()> {
     Ok(())
 }
 
-/// Readings above a level that a tenth of the peak's flank reaches are gone, as in a camera with too little range.
+/// Readings above the level that a tenth of the peak's flank reaches are removed, as in a camera whose range is too
+/// small.
 fn clipped(capture: &Path) -> Result<()> {
     each_frame(capture, |values| values.iter_mut().filter(|v| **v > 0.12).for_each(|v| *v = f32::NAN))
 }
 
-/// The leaf's photograph on the box is that of the bare box.
+/// The photograph of the leaf on the box is replaced by that of the bare box.
 fn constant_light_box(capture: &Path) -> Result<()> {
     let bare = read_exr(&capture.join("lightbox_empty.exr"))?;
     for side in ["front", "back"] {

@@ -1,16 +1,17 @@
-//! The certified problems through the loops that fits of a few parameters descend by: each strategy of
-//! [`mesophyll_solve::damped`], on the same normal equations that the texels use, and L-BFGS.
+//! The certified problems, solved by the loops that fits of a few parameters use: each strategy of
+//! [`mesophyll_solve::damped`] on the same normal equations as the texels, and L-BFGS.
 //!
-//! Right, of 54 runs, and mean digits: trust region ([`mesophyll_solve::lm`], not refined) 54, 9.2; Marquardt 50, 8.6;
-//! shortened Gauss–Newton 51, 8.9; halved Newton 49, 8.6; L-BFGS in rounds 51, 8.8. From the near starts (27) each has
-//! them all.
+//! Of 54 runs, the number of right ones and the mean number of correct digits: trust region ([`mesophyll_solve::lm`],
+//! not refined) 54 and 9.2; Marquardt 50 and 8.6; shortened Gauss–Newton 51 and 8.9; halved Newton 49 and 8.6; L-BFGS
+//! in rounds 51 and 8.8. From the 27 near starts every loop gets all of them right.
 
 use mesophyll_solve::damped::{self, Control, Damped, NormalStep, normal_step};
 use mesophyll_solve::lbfgs::{self, Limits, Normal, Smooth};
 use mesophyll_solve::{Fit, Problem, Termination, Uncertainty, decompose};
 use nalgebra::{DMatrix, DVector};
 
-/// Predicted decrease of Σ r², relative to it, below which a descent ends; as the solver's own tolerance.
+/// A descent ends when the predicted decrease of Σ r², relative to Σ r², is below this; the solver has the same
+/// tolerance.
 const CONVERGED: f64 = 1e-14;
 
 /// The loops by name.
@@ -21,9 +22,9 @@ pub const LOOPS: [(&str, fn(&dyn Problem, &[f64]) -> Fit); 4] = [
     ("L-BFGS in rounds", rounds),
 ];
 
-/// Iterations at most, as the solver has by default.
+/// Largest number of iterations; it is the solver's default.
 const ITERATIONS: usize = 2000;
-/// Rounds at most.
+/// Largest number of rounds.
 const ROUNDS: usize = 100;
 
 /// A fit without standard errors.
@@ -55,7 +56,7 @@ fn of<const N: usize>(problem: &dyn Problem, start: &[f64], control: &Control) -
     bare(at.x.to_vec(), 0.5 * at.chi2, termination, dense.evaluations)
 }
 
-/// The normal equations of any problem at its last point.
+/// The normal equations of a problem at its last point.
 struct Dense<'a, const N: usize> {
     problem: &'a dyn Problem,
     evaluations: usize,
@@ -114,7 +115,7 @@ impl<const N: usize> Damped for Dense<'_, N> {
     }
 }
 
-/// Rounds of L-BFGS as the fit of a tissue has them, in the parameters relative to their start.
+/// Rounds of L-BFGS, as in the fit of a tissue, in the parameters relative to their start.
 fn rounds(problem: &dyn Problem, start: &[f64]) -> Fit {
     let relative = Relative { problem, start };
     let (mut p, mut damping, mut evaluations) = (vec![1.0; start.len()], 0.0, 0);
@@ -138,7 +139,7 @@ fn rounds(problem: &dyn Problem, start: &[f64]) -> Fit {
     done(&p, f64::NAN, Termination::IterationLimit, evaluations)
 }
 
-/// A problem in its parameters over those of the start.
+/// A problem whose parameters are relative to those of the start.
 struct Relative<'a> {
     problem: &'a dyn Problem,
     start: &'a [f64],
@@ -173,8 +174,8 @@ mod tests {
     use super::super::table;
     use super::*;
 
-    /// From NIST's near starts every loop comes to the certified parameters. From the far ones a few go astray, where a
-    /// damped step lands on a plateau that the solver's trust region keeps out of.
+    /// From NIST's near starts every loop finds the certified parameters. From the far starts a few fail, because a
+    /// damped step lands on a plateau that the solver's trust region avoids.
     #[test]
     fn near_starts_are_solved_by_every_loop_and_far_ones_by_most() {
         for (name, solver) in LOOPS {

@@ -1,4 +1,4 @@
-//! NIST StRD nonlinear regression: 27 problems with certified answers, the yardstick of the solver.
+//! NIST StRD nonlinear regression: 27 problems with certified answers, by which the solver is judged.
 //!
 //! Digits of an answer are −log₁₀ of its relative error, at most 11 (the certified values have eleven).
 

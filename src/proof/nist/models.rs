@@ -4,7 +4,7 @@
 use super::parse::Dataset;
 use crate::precise::{Auto, Dd, Model, Precise, Real};
 
-/// The data, and the formula in one type: `y − f(x; b)` would do as well, the residual is `f(x; b) − y`.
+/// The data and the formula in one type. The residual is `f(x; b) − y`; its sign does not matter.
 macro_rules! models {
     ($($name:ident [$n:literal] |$b:ident, $x:ident| $formula:expr;)*) => {
         $(
@@ -72,7 +72,7 @@ models! {
     Bennett5[3] |b, x| b[0] * (b[1] + x).pow(-(c::<T>(1.0) / b[2]));
 }
 
-/// Nelson's response is a logarithm and has two predictors.
+/// Nelson's response is a logarithm, and it has two predictors.
 struct Nelson(Vec<Vec<Dd>>);
 
 impl Model<3> for Nelson {
@@ -87,7 +87,7 @@ impl Model<3> for Nelson {
     }
 }
 
-/// The problem that a file states; `None` for a name or a shape that is none of the 27.
+/// The problem in a file; `None` for a name or a shape that is not one of the 27.
 pub fn problem(set: &Dataset) -> Option<Box<dyn Precise + Send + Sync>> {
     let rows = set.rows.clone();
     let problem: Box<dyn Precise + Send + Sync> = match set.name.as_str() {

@@ -1,4 +1,4 @@
-//! All 54 runs with one set of options, and the digits that came out.
+//! All 54 runs with one set of options, and the resulting digits.
 
 use super::models;
 use super::parse::{self, Dataset};
@@ -12,14 +12,14 @@ macro_rules! files {
     ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("../../../data/nist/", $name, ".dat")))),*] };
 }
 
-/// The 27 files, carried in the program: from NIST's lower to its higher level of difficulty.
+/// The 27 files, compiled into the program, from NIST's lower to its higher level of difficulty.
 pub const FILES: [(&str, &str); 27] = files![
     "Misra1a", "Chwirut2", "Chwirut1", "Lanczos3", "Gauss1", "Gauss2", "DanWood", "Misra1b", "Kirby2", "Hahn1",
     "Nelson", "MGH17", "Lanczos1", "Lanczos2", "Gauss3", "Misra1c", "Misra1d", "Roszman1", "ENSO", "MGH09", "Thurber",
     "BoxBOD", "Rat42", "MGH10", "Eckerle4", "Rat43", "Bennett5",
 ];
 
-/// Solved: more than this many digits in every parameter, as is usual for these problems.
+/// A run counts as solved with more than this many digits in every parameter, as is usual for these problems.
 pub(super) const SOLVED: f64 = 4.0;
 
 /// One run: a problem from one of its starts.
@@ -42,12 +42,12 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Converged, to the certified parameters.
+    /// Whether the run converged to the certified parameters.
     pub fn solved(&self) -> bool {
         self.fit.converged() && self.digits > SOLVED
     }
 
-    /// `ok` where the parameters and the certified standard deviations both came out.
+    /// `ok` where the parameters and the certified standard deviations are both right.
     pub fn verdict(&self) -> String {
         if !self.fit.converged() {
             format!("refused: {}", self.fit.termination.name())
@@ -64,7 +64,7 @@ impl Outcome {
 /// The problems as data.
 ///
 /// # Errors
-/// None for the files carried in the program; the reader's, should one be damaged.
+/// None for the files in the program; those of the reader if one is damaged.
 pub fn datasets() -> Result<Vec<Dataset>> {
     FILES.iter().map(|(name, text)| parse::parse(text, &format!("{name}.dat"))).collect()
 }
@@ -95,7 +95,7 @@ pub fn solve_all(solver: Solver) -> Result<Vec<Outcome>> {
     Ok(outcomes)
 }
 
-/// As users' fits are solved, then with the last digits that double precision does not hold.
+/// Solves as users' fits are solved, then adds the last digits that double precision does not hold.
 fn certified(problem: &dyn Precise, start: &[f64]) -> Fit {
     let options = Options::default();
     refined(problem, global::minimize_scales(problem, start, &options), options.noise)
@@ -139,8 +139,8 @@ mod tests {
     use super::*;
     use mesophyll_solve::jacobian;
 
-    /// The goal set for the solver: all 54 runs solved, at least 10 digits on average, and the certified standard
-    /// deviations with them.
+    /// The goal for the solver: all 54 runs solved with at least 10 digits on average, and the certified standard
+    /// deviations as well.
     #[test]
     fn all_27_problems_from_both_starts() {
         let all = solve_all(&certified).unwrap();
@@ -155,7 +155,7 @@ mod tests {
         assert!(mean >= 10.0, "{mean} digits on average");
     }
 
-    /// The digits do not hang on one lucky trust radius: any first radius leads there, by the retries of the same
+    /// The digits do not depend on one lucky trust radius: any first radius leads to them, by the retries of the same
     /// strategy.
     #[test]
     fn other_first_radii_solve_all_but_a_few() {
@@ -177,7 +177,7 @@ mod tests {
         }
     }
 
-    /// The certified values are a check of the formulas as well: their sum of squares must be the certified one.
+    /// The certified values also check the formulas: their sum of squares must be the certified one.
     #[test]
     fn certified_values_reproduce_the_certified_sum_of_squares() {
         for set in datasets().unwrap() {
@@ -185,7 +185,7 @@ mod tests {
             let mut r = vec![0.0; problem.residuals()];
             problem.evaluate(&set.values, &mut r);
             let sum: f64 = r.iter().map(|v| v * v).sum();
-            // Lanczos1 fits to 1e-13: the eleven printed digits of its parameters do not hold its residuals.
+            // Lanczos1 fits to 1e-13, so the eleven printed digits of its parameters are too few for its residuals.
             if set.name != "Lanczos1" {
                 assert!(
                     (sum / set.sum_of_squares - 1.0).abs() < 1e-8,

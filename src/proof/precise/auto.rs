@@ -3,14 +3,14 @@
 use super::{Dd, Dual, Real};
 use mesophyll_solve::Problem;
 
-/// A problem that also has a value in double-double.
+/// A problem that can also be evaluated in double-double arithmetic.
 pub trait Precise: Problem {
     /// Writes residuals and Jacobian (laid out as in [`Problem::jacobian`]) at `params`.
     fn precise(&self, params: &[Dd], residuals: &mut [Dd], jacobian: &mut [Dd]);
 }
 
-/// A model of `N` parameters written once over any [`Real`]: [`Auto`] makes a problem of it, with exact derivatives and
-/// a refined form.
+/// A model of `N` parameters, written once over any [`Real`]. [`Auto`] makes a problem of it, with exact derivatives
+/// and in double-double.
 pub trait Model<const N: usize> {
     /// How many residuals there are.
     fn residuals(&self) -> usize;

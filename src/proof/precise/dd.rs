@@ -1,11 +1,11 @@
-//! Double-double arithmetic: an unevaluated sum of two `f64`, about 31 decimal digits. It lets a final Gauss–Newton
-//! step see residuals that double precision rounds away. Range as `f64`; products of numbers above about 1e300 are not
-//! finite.
+//! Double-double arithmetic: a number is the unevaluated sum of two `f64` and has about 31 decimal digits. With it a
+//! final Gauss–Newton step sees residuals that double precision rounds away. The range is that of `f64`; products above
+//! about 1e300 are not finite.
 //!
 //! Sums and products: T. J. Dekker, "A floating-point technique for extending the available precision", Numer. Math. 18
 //! (1971), 224–242.
 
-// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+// A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::real::Real;
@@ -101,7 +101,7 @@ impl Dd {
         }
         let magnitude = if scale >= 0 { digits * Dd::power_of_ten(scale) } else { digits / Dd::power_of_ten(-scale) };
         let value = if mantissa.starts_with('-') { -magnitude } else { magnitude };
-        // Exponents outside what the digits-then-scale route holds fall back to the nearest double.
+        // Exponents that this method cannot hold fall back to the nearest double.
         Some(if value.is_finite() { value } else { Dd::constant(nearest) })
     }
 
@@ -117,7 +117,7 @@ impl Dd {
         result
     }
 
-    /// Quotient by a double, for half the work of the general one.
+    /// Quotient by a double, which takes half the work of the general one.
     fn over(self, b: f64) -> Self {
         let q = self.hi / b;
         let (p, e) = two_product(q, b);
@@ -127,7 +127,8 @@ impl Dd {
 
     /// Exact product with a power of two.
     fn ldexp(self, n: i32) -> Self {
-        // Two factors, so that results near the ends of the range do not pass through infinity or zero.
+        // The power is applied in two factors, so that results near the ends of the range do not pass through infinity
+        // or zero.
         let (a, b) = (n / 2, n - n / 2);
         let (fa, fb) = (2f64.powi(a), 2f64.powi(b));
         Dd { hi: self.hi * fa * fb, lo: self.lo * fa * fb }
@@ -266,8 +267,8 @@ impl Real for Dd {
         if !(self.hi.abs() < 700.0) {
             return Dd::constant(self.hi.exp());
         }
-        // exp x = 2ᵏ (exp(r/512))^512 with |r| ≤ ln 2 / 2; squaring works on exp − 1, which keeps the small part's
-        // digits.
+        // exp x = 2ᵏ (exp(r/512))^512 with |r| ≤ ln 2 / 2. The squarings work on exp − 1, which keeps the digits of the
+        // small part.
         let k = (self.hi / Dd::LN_2.hi).round();
         let r = (self - Dd::constant(k) * Dd::LN_2).ldexp(-9);
         let (mut sum, mut term) = (r, r);
@@ -356,7 +357,7 @@ mod tests {
             ("power", Dd::constant(3.7).pow(Dd::constant(-1.07)), 0.24661765009599332, -1.3929835987193808e-18),
         ];
         for (name, got, hi, lo) in cases {
-            // The logarithm is a sum with 1 in it: near its zero it keeps absolute digits only.
+            // The logarithm is computed as a sum that contains 1, so near its zero only absolute digits are kept.
             let scale = if name.starts_with("ln") { f64::abs(hi).max(1.0) } else { f64::abs(hi) };
             let error = (got - Dd::sum(hi, lo)).value().abs() / scale;
             assert!(error < 1e-30, "{name}: relative error {error:e}");

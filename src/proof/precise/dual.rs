@@ -1,5 +1,5 @@
-//! Forward-mode derivatives: a value with its gradient in `N` parameters. Exact to rounding, with no step length to
-//! choose.
+//! Forward-mode derivatives: a value with its gradient by `N` parameters. They are exact to rounding, and there is no
+//! step length to choose.
 
 // The product and quotient rules mix operators by nature.
 #![allow(clippy::suspicious_arithmetic_impl)]
@@ -18,7 +18,7 @@ pub struct Dual<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Dual<T, N> {
-    /// The parameter numbered `index`: its derivative to itself is 1.
+    /// The parameter numbered `index`: its derivative by itself is 1.
     pub fn variable(v: T, index: usize) -> Self {
         Dual { v, d: from_fn(|k| if k == index { T::one() } else { T::zero() }) }
     }

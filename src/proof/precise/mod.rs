@@ -1,5 +1,5 @@
-//! Arithmetic that answers are checked by: about 31 digits ([`Dd`]), exact derivatives ([`Dual`]), models written once
-//! for both ([`Model`]), and the last digits of a fit ([`refined`]). No fit of a user needs any of it.
+//! Arithmetic that answers are checked with: about 31 digits ([`Dd`]), exact derivatives ([`Dual`]), models written
+//! once for both ([`Model`]), and the last digits of a fit ([`refined`]). No fit of a user needs it.
 
 mod auto;
 mod dd;

@@ -1,5 +1,5 @@
-//! What a model needs of a number, so that it is written once and evaluated in double precision, in double-double, and
-//! with derivatives.
+//! The operations that a model needs of a number. With them it is written once and evaluated in double precision, in
+//! double-double, and with derivatives.
 
 use super::dd::Dd;
 use mesophyll_solve::qr::Number;
@@ -17,7 +17,7 @@ pub trait Real: Number + Debug {
     fn cos(self) -> Self;
     fn atan(self) -> Self;
 
-    /// Sine and cosine, where together they cost what one does.
+    /// Sine and cosine, for types where both together cost as much as one.
     fn sin_cos(self) -> (Self, Self) {
         (self.sin(), self.cos())
     }

@@ -1,4 +1,5 @@
-//! Rays and camera paths a second on one thread, and what Embree and Mitsuba get: the same triangles and rays, in turns.
+//! Rays and camera paths a second on one thread, compared with Embree and Mitsuba on the same triangles and rays, in
+//! turns.
 
 use super::Foliage;
 use super::paths::Scene;
@@ -20,13 +21,13 @@ impl Foliage {
         }
     }
 
-    /// What is found for the rays of a kind: the triangle that each meets first (−1: none), or 0 for a shadow ray that
-    /// meets any and −1 for one that does not.
+    /// The answers for the rays of a kind: the triangle that each ray meets first (−1: none). For shadow rays, 0 means
+    /// that any triangle is met, −1 none.
     fn found(&self, kind: &str) -> Vec<i32> {
         self.rays(kind).iter().map(|ray| answer(&self.forest, kind, ray)).collect()
     }
 
-    /// Time of a ray of a kind (µs), once through them all.
+    /// Time of a ray of a kind (µs), measured once over all rays.
     fn time(&self, kind: &str) -> f64 {
         let rays = self.rays(kind);
         let clock = std::time::Instant::now();
@@ -44,8 +45,8 @@ fn answer(forest: &Forest, kind: &str, ray: &Ray) -> i32 {
     }
 }
 
-/// A row a kind of rays; its error is the share of 300 rays whose answer differs from that of a tree for each leaf's
-/// triangle alone.
+/// One row for each kind of rays. Its error is the share of 300 rays whose answer differs from that of a search without
+/// a tree.
 ///
 /// # Errors
 /// Those of [`Scene::new`].
@@ -91,7 +92,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// Every triangle by itself: no tree has a part in what is found.
+/// Every triangle by itself, so that no tree takes part in the answer.
 fn alone(foliage: &Foliage) -> Vec<[DVec3; 3]> {
     foliage.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| foliage.positions[t[k] as usize])).collect()
 }
@@ -101,7 +102,7 @@ fn without_tree(triangles: &[[DVec3; 3]], kind: &str, ray: &Ray) -> i32 {
     let unit = ray.direction.normalize();
     let mut best = (f64::INFINITY, -1);
     for (k, [a, b, c]) in triangles.iter().enumerate() {
-        // Corners are closer to each other than 40 mm: a ray that stays farther off cannot meet them.
+        // Corners are less than 40 mm apart, so a ray that stays farther away cannot meet them.
         let away = *a - ray.origin;
         if away.cross(unit).length_squared() > 40.0 * 40.0 {
             continue;
@@ -114,7 +115,7 @@ fn without_tree(triangles: &[[DVec3; 3]], kind: &str, ray: &Ray) -> i32 {
     if kind == "shadow" { best.1.min(0) } else { best.1 }
 }
 
-/// The crown and its rays as little-endian numbers, what we find, and our time a turn.
+/// The crown and its rays as little-endian numbers, our answers, and our time for a turn.
 ///
 /// # Errors
 /// Those of [`Scene::new`] and [`Scene::told`].

@@ -1,6 +1,6 @@
-//! A round crown of 2,000 leaves of 100 triangles, and three kinds of rays in it: from a camera, from the leaves it
-//! sees in all directions, and from there to the sun. Seeded; every number is an f32, so that all programs get the
-//! same.
+//! A round crown of 2,000 leaves of 100 triangles, and three kinds of rays in it: from a camera, from the leaves that
+//! it sees in all directions, and from there to the sun. It is seeded, and every number is an f32, so that all programs
+//! get the same input.
 
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
@@ -8,10 +8,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// Leaves of the crown, and quads along and across each.
+/// Number of leaves in the crown, and of quads along and across each leaf.
 const LEAVES: usize = 2000;
 const QUADS: [usize; 2] = [10, 5];
-/// Radius of the crown, and a leaf's length and half width before its own size (mm).
+/// Radius of the crown, and length and half width of a leaf before scaling (mm).
 const CROWN: f64 = 500.0;
 const LEAF: [f64; 2] = [60.0, 15.0];
 /// Where the camera stands (mm); it looks at the crown's middle.
@@ -20,7 +20,7 @@ pub(super) const EYE: DVec3 = DVec3::new(0.0, -1600.0, 300.0);
 pub(super) const TANGENT: f64 = 0.62;
 /// Pixels a side of the camera's picture.
 const PIXELS: usize = 400;
-/// How far rays start off a leaf (mm): more than an f32 loses here.
+/// Distance from a leaf at which rays start (mm); it is larger than the rounding of an f32 here.
 const STEP: f64 = 0.02;
 /// The sun's angular radius (rad).
 const SUN: f64 = 0.0046;
@@ -29,11 +29,11 @@ const SUN: f64 = 0.0046;
 pub struct Foliage {
     /// Corners of all leaves (mm).
     pub positions: Vec<DVec3>,
-    /// Three a triangle.
+    /// Three indices for each triangle.
     pub indices: Vec<u32>,
     /// The crown as one mesh.
     pub forest: Forest,
-    /// Row by row through the pixels of a picture that the crown fills.
+    /// Rays row by row through the pixels of a picture that the crown fills.
     pub camera: Vec<Ray>,
     /// From each place that the camera sees, in a direction that is uniform over the sphere.
     pub incoherent: Vec<Ray>,
@@ -41,7 +41,7 @@ pub struct Foliage {
     pub shadow: Vec<Ray>,
 }
 
-/// As near as f32 comes.
+/// The nearest point whose coordinates are f32.
 fn single(p: DVec3) -> DVec3 {
     p.as_vec3().as_dvec3()
 }
@@ -54,7 +54,7 @@ fn uniform(rng: &mut Pcg64) -> DVec3 {
 }
 
 impl Foliage {
-    /// The crown, always the same.
+    /// Makes the crown, which is always the same.
     pub fn new() -> Foliage {
         let mut rng = Pcg64::seed_from_u64(7);
         let (mut positions, mut indices) = (Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Light among leaves: how many rays a second, on a crown that is the same in every run.
+//! Light among leaves: the number of rays a second, on a crown that is the same in every run.
 
 pub mod bench;
 mod foliage;

@@ -1,4 +1,4 @@
-//! Camera paths a second on one thread: the crown with matte leaves under an even sky, eight scatterings at most.
+//! Camera paths a second on one thread: the crown with matte leaves under an even sky, with at most eight scatterings.
 
 use super::Foliage;
 use super::foliage::{EYE, TANGENT};
@@ -9,10 +9,10 @@ use mesophyll_transport::path::{Paths, Picture, Request, Strategy, Target, Trace
 use mesophyll_transport::world::{Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
 use serde_json::{Value, json};
 
-/// Pixels along a side of the picture, and paths a pixel.
+/// Pixels along a side of the picture, and paths for each pixel.
 const PIXELS: usize = 200;
 const SAMPLES: u32 = 8;
-/// Reflectance of either side; nothing comes through, because the peer's matte surface lets nothing through.
+/// Reflectance of both sides. Nothing is transmitted, because the peer's matte surface transmits nothing.
 const RHO: f64 = 0.5;
 /// The most scatterings of a path.
 const BOUNCES: u32 = 8;
@@ -24,7 +24,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The crown, every triangle flat: the peer has no normals for its corners.
+    /// The crown with flat triangles, because the peer has no normals for its corners.
     ///
     /// # Errors
     /// [`crate::Error::Missed`] where no thread can be started.
@@ -56,8 +56,8 @@ impl Scene {
         Ok(Scene { world: World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() }, pool })
     }
 
-    /// Draws it once: the mean radiance of all pixels, its standard error, and the time (s) without that of the box tree,
-    /// which the peer builds beforehand.
+    /// Draws the picture once: the mean radiance of all pixels, its standard error, and the time (s) without that of
+    /// the box tree, which the peer builds beforehand.
     fn draw(&self) -> crate::Result<(f64, f64, f64)> {
         let paths = Paths { bounces: Some(BOUNCES), strategy: Strategy::default() };
         let tracer = Tracer::new(&self.world, paths)?;
@@ -74,17 +74,17 @@ impl Scene {
         Ok((mean, variance.sqrt() / pixels, seconds))
     }
 
-    /// Time of a camera path (µs), once through the picture; NaN where it cannot be drawn.
+    /// Time of a camera path (µs), measured over one picture; NaN where it cannot be drawn.
     pub fn time(&self) -> f64 {
         self.draw().map_or(f64::NAN, |(_, _, seconds)| seconds * 1e6 / Scene::paths() as f64)
     }
 
-    /// Camera paths of the picture.
+    /// Number of camera paths of the picture.
     fn paths() -> usize {
         PIXELS * PIXELS * SAMPLES as usize
     }
 
-    /// What the peer must know, and what we find.
+    /// The input that the peer needs, and our result.
     ///
     /// # Errors
     /// Those of the path tracer.

@@ -1,5 +1,5 @@
-//! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's point beside;
-//! integration and windows.
+//! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's fit for comparison;
+//! also integration and windows.
 
 use super::figures::{self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, Point};
 use crate::Result;
@@ -12,8 +12,8 @@ fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchR
     BenchRow { model: "sky".into(), knob: knob.into(), setting, error, us, note }
 }
 
-/// The sweeps. A fit stands in two rows: its evaluation's time and its own. Errors are the worst sky's over the
-/// smallest c00.
+/// The sweeps. A fit has two rows: one for the time of its evaluation and one for that of the fit. Errors are those of
+/// the worst sky, relative to the smallest c00.
 ///
 /// # Errors
 /// As the fits.

@@ -1,5 +1,5 @@
-//! What the documentation draws of the sky fits, as numbers: the frontier of error against size and time, errors by
-//! band, the worst case, the ringing.
+//! The numbers behind the documentation's pictures of the sky fits: the frontier of error against size and time, errors
+//! by band, the worst case, and the ringing.
 
 use crate::bench::median_us;
 use crate::{Error, Result};
@@ -10,8 +10,8 @@ use mesophyll_sky::window::Window;
 use mesophyll_sky::{Coefficients, Preetham, Sky, colour, preetham, project};
 use std::f64::consts::PI;
 
-/// Size of the dissertation's coefficients in bytes (Habel 2009, §5.3.1 and 5.4), as the next three say what it states
-/// of its own fit. Its error is computed here: the same fit, repeated in f64.
+/// Size of the dissertation's coefficients in bytes (Habel 2009, §5.3.1 and 5.4). This and the next three are what the
+/// dissertation states for its own fit. Its error is also computed here, by the same fit in f64.
 pub const DISSERTATION_BYTES: f64 = 131_712.0;
 /// Coefficients of each polynomial.
 pub const DISSERTATION_TERMS: f64 = 112.0;
@@ -19,10 +19,11 @@ pub const DISSERTATION_TERMS: f64 = 112.0;
 pub const DISSERTATION_US: f64 = 80.0;
 /// Time of the fit (s).
 pub const DISSERTATION_FIT_S: f64 = 2.3 * 3600.0;
-/// Largest error, over the smallest c00 of the domain.
+/// Largest error, relative to the smallest c00 of the domain.
 pub const DISSERTATION_ERROR: f64 = 0.0075;
 
-/// One fit on the frontier, judged in f32 (the dissertation's monomials in f64: f32 cannot evaluate them).
+/// One fit on the frontier, judged in f32. (The dissertation's monomials are judged in f64, because f32 cannot evaluate
+/// them.)
 #[derive(Debug, Clone)]
 pub struct Point {
     /// The kind of polynomials, for the picture's legend.
@@ -43,7 +44,7 @@ pub struct Point {
     pub wide: f64,
 }
 
-/// Staircases of rising size; [`folded::COMPACT`] and [`folded::FINE`] among them.
+/// Staircases of growing size; [`folded::COMPACT`] and [`folded::FINE`] are among them.
 fn staircases() -> Vec<Vec<usize>> {
     let round = |tall: usize, wide: usize| -> Vec<usize> {
         let rows = (0..tall)
@@ -79,12 +80,12 @@ fn point(family: &'static str, setting: String, fitted: &Fitted, fit_us: f64, re
     Some(Point { family, setting, terms: form.terms(), bytes, fit_us, evaluate_us, judged, wide: wide.worst })
 }
 
-/// Time of one call of something faster than a clock's reading (µs).
+/// Time of one call (µs), for work that is faster than the clock can measure.
 pub fn thousand_us(mut work: impl FnMut(f64)) -> f64 {
     median_us(30.0, || (0..1000).for_each(|k| work(f64::from(k)))) / 1000.0
 }
 
-/// The frontier of every family, seven bands; `grid` is the dissertation's (500).
+/// The frontier of every family, with seven bands. `grid` is the dissertation's (500).
 ///
 /// # Errors
 /// As [`mesophyll_fit_sky::fit`].
@@ -146,8 +147,8 @@ pub fn by_band(points: &[Point]) -> Vec<Curve> {
     out
 }
 
-/// Angles along the great circle through sun, zenith and antisun, from the zenith, the sun's side positive: −180° …
-/// 180°.
+/// Angles along the great circle through sun, zenith and antisun, counted from the zenith, positive towards the sun:
+/// −180° … 180°.
 fn meridian() -> impl Iterator<Item = (f64, [f64; 3])> {
     (-180..=180).map(|k| {
         let a = PI * f64::from(k) / 180.0;
@@ -159,8 +160,9 @@ fn luminance(c: &Coefficients, basis: &Basis) -> Vec<(f64, f64)> {
     meridian().map(|(a, d)| (a, colour::xyz_from_rgb(basis.sum(c, d))[1])).collect()
 }
 
-/// The worst sky of the dissertation's fit, along the meridian: seven bands integrated, seven bands reconstructed by
-/// the dissertation's polynomials, and the differences of those and of the fine fit (luminance, kcd/m²).
+/// The worst sky of the dissertation's fit, along the meridian: seven bands integrated, seven bands from the
+/// dissertation's polynomials, and the differences of these and of the fine fit to the integrated bands (luminance,
+/// kcd/m²).
 #[derive(Debug, Clone)]
 pub struct Worst {
     /// Sun zenith angle of the worst sky (rad).
@@ -200,8 +202,8 @@ pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
     })
 }
 
-/// The ringing of seven bands along the meridian and what windows leave of it (Habel 2009, Fig. 5.5): sun at 1.3,
-/// turbidity 3, luminance over the mean of the upper hemisphere.
+/// The ringing of seven bands along the meridian, and what remains of it with windows (Habel 2009, Fig. 5.5). The sun
+/// is at a zenith angle of 1.3, the turbidity is 3, and luminance is relative to the mean of the upper hemisphere.
 ///
 /// # Errors
 /// As [`window::matched`].
@@ -225,23 +227,23 @@ pub fn ringing() -> Result<Vec<Curve>> {
     Ok(out)
 }
 
-/// Seven bands over the dissertation's turbidities: what the pictures and the bench judge by.
+/// Seven bands over the dissertation's turbidities: the reference of the pictures and of the bench.
 ///
 /// # Errors
-/// None but the model's.
+/// Only the model's.
 pub fn reference() -> Result<Reference> {
     Reference::new(&Preetham, 7, preetham::TRUSTED, 33, 15).map_err(Error::Missed)
 }
-/// All that the pictures of the sky's fits show.
+/// Everything that the pictures of the sky's fits show.
 #[derive(Debug, Clone)]
 pub struct Figures {
-    /// Error against size and time, a fit each.
+    /// Error against size and time, one point for each fit.
     pub points: Vec<Point>,
     /// Error against the number of bands that are used.
     pub bands: Vec<Curve>,
     /// The sky at which the dissertation's fit is worst.
     pub worst: Worst,
-    /// Luminance below the horizon, a window each.
+    /// Luminance below the horizon, one curve for each window.
     pub ringing: Vec<Curve>,
 }
 

@@ -9,7 +9,8 @@ use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};
 use std::f64::consts::FRAC_PI_2;
 use std::time::Instant;
 
-/// Direct integration: case, sun, turbidity, bands. `ok`: within 1e-9 of c00 of half as many nodes again.
+/// Direct integration: case, sun, turbidity, bands. `ok` means that half as many nodes more change it by less than 1e-9
+/// of c00.
 const DIRECT: [(&str, f64, f64, usize); 14] = [
     ("sun overhead", 0.0, 3.0, 7),
     ("sun 1e-8 from the zenith", 1e-8, 3.0, 7),
@@ -27,7 +28,7 @@ const DIRECT: [(&str, f64, f64, usize); 14] = [
     ("32 bands, sun .02 above the horizon", FRAC_PI_2 - 0.02, 3.0, 32),
 ];
 
-/// Parameters outside: case, sun, turbidity, how the verdict begins.
+/// Parameters outside the domain: case, sun, turbidity, and how the verdict must begin.
 const OUTSIDE: [(&str, f64, f64, &str); 8] = [
     ("turbidity 1.69, beside the limit", 0.5, 1.69, "refused: turbidity"),
     ("turbidity 1.643, on the pole", 0.5, 1.643, "refused: turbidity"),
@@ -66,7 +67,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
         HosekWilkie { albedo: [1.2, 0.0, 0.0] }.sky(0.5, 3.0).map_or_else(|e| format!("refused: {e}"), |_| "ok".into());
     rows.push(row("hosek-wilkie: albedo 1.2", "refused: albedo", dark, None, None, 0.0));
 
-    // The fit in single precision at the corners of its domain, and just outside.
+    // The fit in single precision, at the corners of its domain and just outside.
     let standard = standard()?;
     let domain = Reference::new(&Preetham, 7, preetham::TRUSTED, 3, 2).map_err(crate::Error::Missed)?;
     for (sun, turbidity) in [(0.0, 2.5), (0.0, 6.0), (FRAC_PI_2, 2.5), (FRAC_PI_2, 6.0), (FRAC_PI_2 - 1e-3, 2.5)] {
@@ -96,7 +97,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
         ));
     }
 
-    // The dissertation's basis, and the same space in a basis that f64 can hold.
+    // The dissertation's basis, and the same function space in a basis that f64 can represent.
     let small = |method| Options { method, bands: 3, grid: 200, ..Options::default() };
     let judged = Reference::new(&Preetham, 3, preetham::TRUSTED, 12, 5).map_err(crate::Error::Missed)?;
     for (case, method, single, expected) in [
@@ -111,7 +112,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
         let ms = clock.elapsed().as_secs_f64() * 1e3;
         rows.push(of_fit(case, expected, &fitted, single, &judged, 1e-2, ms));
     }
-    // All turbidities that the model accepts, the pole a little way off.
+    // All turbidities that the model accepts; they end a little before the pole.
     let wide = Options { method: Method::Fine, bands: 3, turbidities: preetham::TURBIDITIES, ..Options::default() };
     let everywhere = Reference::new(&Preetham, 3, preetham::TURBIDITIES, 12, 9).map_err(crate::Error::Missed)?;
     let clock = Instant::now();
@@ -121,7 +122,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
     Ok(rows)
 }
 
-/// A fit's verdict: `ok` within `limit` of the smallest c00.
+/// A fit's verdict: `ok` where its error is within `limit` of the smallest c00.
 fn of_fit(
     case: &str,
     expected: &str,

@@ -1,5 +1,6 @@
-//! Sweeps of the slab: its forward methods, the order of F_N, ordinates, table sizes, Newton's steps and the way back,
-//! on 64 slabs 1 mm thick (single-scattering albedo .05–.995, optical thickness .05–20), each against the exact method.
+//! Sweeps of the slab: its forward methods, the order of F_N, ordinates, table sizes, Newton's steps and the inversion.
+//! They use 64 slabs of 1 mm (single-scattering albedo .05–.995, optical thickness .05–20), each compared with the
+//! exact method.
 
 use crate::bench::{BenchRow, median_us};
 use mesophyll_optics::slab::inverse::{self, Precision};
@@ -17,7 +18,7 @@ pub struct Slab {
     pub sigma_s: f64,
     /// Single-scattering albedo ω.
     pub omega: f64,
-    /// 1 − ω, without the digits that the difference would lose.
+    /// 1 − ω, with the digits that a subtraction would lose.
     pub one_minus_omega: f64,
     /// Optical thickness Δ.
     pub delta: f64,
@@ -46,7 +47,7 @@ pub fn forward_error(s: &Slab, r: Response) -> f64 {
     larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
 }
 
-/// The method behind `exact`, which has 40, with fewer ordinates.
+/// The method behind `exact`, which uses 40 ordinates, with fewer of them.
 fn ordinates(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, bool)) {
     fn of<const K: usize>(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, bool)) {
         let solve = with_ordinates::<K>();
@@ -68,7 +69,7 @@ fn ordinates(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, 
 /// The rows.
 ///
 /// # Errors
-/// None today; the signature is that of every sweep.
+/// None; the signature is that of every sweep.
 pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     let slabs = slabs();
     let mut rows = Vec::new();
@@ -97,7 +98,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     }
     ordinates(&mut forward);
     for tolerance in [1e-3, 1e-5, 1e-7, 1e-9] {
-        // Over the thicknesses of these slabs only, so that the making of tables takes no minutes.
+        // The tables cover only the thicknesses of these slabs, so that making them does not take minutes.
         let table = Table::made([0.05, 20.0], tolerance);
         let setting = format!("{:.1} kB", table.bytes() as f64 / 1e3);
         forward("table size", setting, &|s| table.response(s.omega, s.one_minus_omega, s.delta), false);
@@ -118,7 +119,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
             note: "sigma_a and sigma_s after so many plain steps from the tabulated start, worst of 64".into(),
         });
     }
-    // The noise that each precision is for: below 1e-7 the fast one hands over to the exact one by itself.
+    // The noise that each precision is meant for. With a noise below 1e-7 the fast one uses the exact one by itself.
     for (setting, precision, noise) in [("fast", Precision::Fast, 1e-6), ("exact", Precision::Exact, 1e-9)] {
         let invert = |s: &Slab| inverse::invert_with(precision, s.exact.rho_d, s.exact.rho_t, 1.0, noise, noise);
         let found: Vec<_> = slabs.iter().map(|s| (s, invert(s))).filter(|(_, e)| e.status.is_ok()).collect();

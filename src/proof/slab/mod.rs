@@ -1,4 +1,4 @@
-//! The slab: forward methods against each other, and inversions with the verdict physics asks for.
+//! The slab: comparisons of the forward methods, and inversions with the verdict that physics requires.
 
 pub mod bench;
 pub mod stress;

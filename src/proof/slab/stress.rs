@@ -1,12 +1,13 @@
-//! The slab's stress table: forward against the exact solution, and inversions with the verdict physics asks for.
+//! The slab's stress table: forward methods compared with the exact solution, and inversions with the verdict that
+//! physics requires.
 
 use crate::stress::StressRow;
 use mesophyll_optics::slab::inverse::{self, Status};
 use mesophyll_optics::slab::{self, exact};
 use std::time::Instant;
 
-/// Inverse cases, committed: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the verdict it
-/// must get.
+/// Inverse cases, from a committed file: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the
+/// verdict that it must get.
 const CASES: &str = include_str!("../../../data/stress/slab.csv");
 
 /// Forward cases: name, ω, 1−ω, Δ.
@@ -41,8 +42,8 @@ pub fn stress_cases() -> Vec<StressRow> {
     rows
 }
 
-/// The fast model beside the exact one: `ok` means six digits in both, ρt down to 1e-30, and conservation where nothing
-/// absorbs.
+/// Compares the fast model with the exact one. `ok` means six correct digits in both, for ρt down to 1e-30, and
+/// conservation where nothing absorbs.
 fn forward(case: &str, omega: f64, absorbed: f64, delta: f64) -> StressRow {
     let want = exact::solve(omega, absorbed, delta);
     let clock = Instant::now();
@@ -84,7 +85,7 @@ fn broken(case: &str, why: &str) -> StressRow {
     }
 }
 
-/// One line of the table; an `ok` whose truth lies beyond four printed errors is `wrong`.
+/// One line of the table. An `ok` is `wrong` where the truth is more than four printed errors away.
 fn inverse_case(record: &csv::StringRecord) -> StressRow {
     let text = |k: usize| record.get(k).unwrap_or("");
     let number = |k: usize| text(k).parse::<f64>().unwrap_or(f64::NAN);

@@ -1,4 +1,4 @@
-//! Stiff and extreme photographs with the verdict that each must get.
+//! Stiff and extreme photographs, each with the verdict that it must get.
 
 use crate::Result;
 use crate::stress::StressRow;
@@ -18,7 +18,8 @@ fn verdict(scene: &Scene, start: &Tissues, options: &Options) -> (String, Option
             let digits = digits(&f, &scene.truth, options);
             let text = match named.first() {
                 Some(first) => format!("undetermined: {first}"),
-                // A promise: within five standard errors, or a thousandth where there was no noise.
+                // The fit promises a truth within five standard errors, or within a thousandth where there was no
+                // noise.
                 None if !held(&f, &scene.truth, options) => format!("wrong: {:?} for {:?}", f.tissues, scene.truth),
                 None => "ok".into(),
             };
@@ -68,7 +69,7 @@ pub fn rows() -> Result<Vec<StressRow>> {
         ("1 % noise, thickness known", "ok", noisy, near.clone(), fixed),
         ("sigma_a = 1e-4", only_thickness, clear, near.clone(), fixed),
         ("texels 20 times the thickness", only_thickness, coarse.clone(), near.clone(), free),
-        // A second incidence would tell two coefficients even here.
+        // A second incidence would separate the two coefficients even here.
         (
             "the same, flat, one beam",
             only_thickness,

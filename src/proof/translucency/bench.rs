@@ -1,4 +1,4 @@
-//! What each knob of the translucency maps costs and buys: dipoles, thickness levels, map size, kernels' form.
+//! What each knob of the translucency maps costs and gains: dipoles, thickness levels, map size, form of the kernels.
 
 use super::{basis_study, validation};
 use crate::bench::{BenchRow, median_us};
@@ -9,14 +9,14 @@ use mesophyll_optics::slab;
 use mesophyll_translucency::convolve::{Convolver, Settings};
 use mesophyll_translucency::levels::{LevelKind, Levels};
 
-/// H9 Table 3.1 without its forward scattering: the transport equation that judges is isotropic.
+/// H9 Table 3.1 without its forward scattering, because the transport equation used for comparison is isotropic.
 const TISSUE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 9.486, g: 0.0, a: 1.0 };
 
 fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchRow {
     BenchRow { model: "translucency".into(), knob: knob.into(), setting, error, us, note }
 }
 
-/// Dipoles against infinitely many, and every form's total against the transport equation.
+/// The sum of dipoles is compared with infinitely many, and every form's total with the transport equation.
 fn forms() -> Vec<BenchRow> {
     let mut rows = Vec::new();
     for (d, sigma_a) in [(0.2, 0.4), (0.2, 0.01), (0.5, 0.4)] {
@@ -39,7 +39,7 @@ fn forms() -> Vec<BenchRow> {
         let truth = slab::exact::response(TISSUE.sigma_a, TISSUE.sigma_s, d).rho_t;
         for (name, form) in [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)] {
             let total = TISSUE.total(d, form);
-            // NaN where a form has no answer: no row for it.
+            // NaN means that a form has no answer; it gets no row.
             if total.is_finite() {
                 let us = median_us(5.0, || TISSUE.total(d, form));
                 rows.push(row(
@@ -55,7 +55,7 @@ fn forms() -> Vec<BenchRow> {
     rows
 }
 
-/// Thickness of a leaf with veins, d .15 to .5 mm.
+/// Thickness of a leaf with veins: d from .15 to .5 mm.
 fn thickness(n: usize) -> Vec<f64> {
     (0..n * n)
         .map(|k| {
@@ -72,7 +72,7 @@ fn convolver(n: usize, texel_mm: f64, levels: Levels) -> Result<Convolver> {
     Convolver::with(&Settings { levels, ..Settings::new(TISSUE, texel_mm) }, n, n, 0.15, 0.5)
 }
 
-/// K of each kind of level against 64 Chebyshev levels.
+/// Numbers K of levels of each kind, compared with 64 Chebyshev levels.
 fn levels() -> Result<Vec<BenchRow>> {
     let n = 256;
     let (d, light) = (thickness(n), vec![vec![1.0; n * n]]);
@@ -98,7 +98,7 @@ fn levels() -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// Time of three images against the size of the map, kernels and all.
+/// Time of three images, kernels included, against the size of the map.
 fn sizes() -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     for n in [128, 256, 512, 1024] {

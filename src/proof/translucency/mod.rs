@@ -1,4 +1,4 @@
-//! Translucency maps: bases, diffusion against the random walk, extreme leaves.
+//! Translucency maps: bases, diffusion compared with the random walk, and extreme leaves.
 
 pub mod basis_study;
 pub mod bench;

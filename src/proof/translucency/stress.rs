@@ -1,5 +1,6 @@
-//! Stiff and extreme leaves with the verdict that each must get: blades thinner than a mean free path, no absorption,
-//! hardly any scattering, veins of one texel, holes, no relief, scattering that is all but forward or backward.
+//! Stiff and extreme leaves, each with the verdict that it must get: blades thinner than a mean free path, no
+//! absorption, hardly any scattering, veins of one texel, holes, no relief, and scattering that is almost entirely
+//! forward or backward.
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
@@ -16,8 +17,8 @@ use mesophyll_walk::slab::Entry;
 use mesophyll_walk::{Boundary, Histories, Medium, Slab};
 use std::time::Instant;
 
-/// What a form may be wrong by, and still be called right: diffusion is no better anywhere (`bench translucency` has
-/// the errors).
+/// Relative error up to which a form is called right. Diffusion is nowhere more accurate (`bench translucency` has the
+/// errors).
 const RIGHT: f64 = 0.05;
 
 fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, since: Instant) -> StressRow {
@@ -32,7 +33,7 @@ fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, since: 
     }
 }
 
-/// `ok` within what a form may be wrong by, else by how much it is.
+/// `ok` where the error is allowed; otherwise the verdict says how large it is.
 fn judged(found: f64, wanted: f64, allowed: f64) -> (String, Option<f64>) {
     let off = (found / wanted - 1.0).abs();
     let digits = Some((-off.log10()).clamp(0.0, 16.0));
@@ -47,7 +48,7 @@ fn refused(e: &Error) -> String {
     format!("refused: {e}")
 }
 
-/// The thin form's total against the transport equation.
+/// The thin form's total, compared with the transport equation.
 fn against_transport(case: &str, sigma_a: f64, sigma_s: f64, d: f64) -> StressRow {
     let clock = Instant::now();
     let tissue = Tissue { sigma_a, sigma_s, g: 0.0, a: 1.0 };
@@ -56,7 +57,7 @@ fn against_transport(case: &str, sigma_a: f64, sigma_s: f64, d: f64) -> StressRo
     row(case, "ok", verdict, digits, clock)
 }
 
-/// The same against a random walk, where scattering is not isotropic.
+/// The same compared with a random walk, for scattering that is not isotropic.
 fn against_walk(case: &str, expected: &str, g: f64, d: f64) -> Result<StressRow> {
     let clock = Instant::now();
     let (sigma_a, reduced) = (0.4, 9.5);
@@ -66,7 +67,7 @@ fn against_walk(case: &str, expected: &str, g: f64, d: f64) -> Result<StressRow>
     let walk = slab.walk(Entry::NORMAL, Histories { count: 100_000, seed: 1 }, &[])?;
     let (found, truth) = (tissue.total(d, Form::Thin), walk.transmitted);
     let (mut verdict, digits) = judged(found, truth.value, RIGHT + 3.0 * truth.error / truth.value);
-    // What is said to be doubtful need not be right, but it must be said of what is wrong.
+    // A result that is called doubtful need not be right, but every wrong result must be called doubtful.
     if let Some(why) = tissue.doubt() {
         verdict = format!("undetermined: {why}");
     }
@@ -94,7 +95,7 @@ fn settings(levels: usize) -> Settings {
     }
 }
 
-/// Eight levels against sixty-four: the vein's shadow must not depend on them.
+/// Eight levels compared with sixty-four: the vein's shadow must not depend on their number.
 fn vein() -> Result<StressRow> {
     let clock = Instant::now();
     let (thickness, light) = (veined(false), vec![vec![1.0; 64 * 64]]);
@@ -110,11 +111,11 @@ fn vein() -> Result<StressRow> {
     Ok(row("a vein one texel wide, 8 thickness levels", "ok", verdict, Some(-rms.log10()), clock))
 }
 
-/// Nothing comes through a hole's own texels, nothing is lost elsewhere, and nothing is not a number.
+/// No light leaves from the texels of a hole, none is lost elsewhere, and every value is a number.
 fn hole() -> Result<StressRow> {
     let clock = Instant::now();
     let (thickness, mut light) = (veined(true), vec![0.0; 64 * 64]);
-    // Light falls on the middle only, so that all of it leaves within the map.
+    // Light falls only on the middle, so all of it leaves within the map.
     for k in 0..light.len() {
         if (16..48).contains(&(k % 64)) && (16..48).contains(&(k / 64)) {
             light[k] = 1.0;
@@ -164,7 +165,7 @@ fn flat(n: usize, thickness: f64) -> Source {
     }
 }
 
-/// Without relief a uniform leaf answers n·ω everywhere: each Half-Life 2 coefficient is √(2π)/3.
+/// A uniform leaf without relief answers n·ω everywhere, so each Half-Life 2 coefficient is √(2π)/3.
 fn no_relief() -> Result<StressRow> {
     let clock = Instant::now();
     let source = flat(48, 0.2);
@@ -174,7 +175,7 @@ fn no_relief() -> Result<StressRow> {
     Ok(row("no relief: half-life-2 coefficients", "ok", verdict, Some(-off.log10()), clock))
 }
 
-/// A slab that the leaf fit did not determine is not computed with.
+/// A slab that the leaf fit did not determine must not be used.
 fn undetermined() -> StressRow {
     let clock = Instant::now();
     let mut source = flat(8, 0.2);

@@ -1,5 +1,5 @@
-//! Visibility maps of a cluster: points of the disk, spacing of the directions, and codes, each by error, time and
-//! bytes.
+//! Visibility maps of a cluster: error, time and bytes for different numbers of points of the sun's disk, spacings of
+//! the directions, and codes.
 
 use super::cluster::{EDGE_MM, cluster};
 use crate::Result;
@@ -15,9 +15,9 @@ use std::time::Instant;
 pub const PIECES: u64 = 4;
 /// The sun's angular radius (rad).
 const SUN: f64 = 0.00465;
-/// Points of the disk where something else is measured.
+/// Points of the disk where something else than their number is measured.
 const POINTS: usize = 64;
-/// Of a cube's directions every so many are coded: a number that has no factor in common with 32.
+/// Every this many of a cube's directions are coded. The number has no factor in common with 32.
 const OF_THE_CUBE: usize = 15;
 
 /// The sweep.
@@ -39,7 +39,7 @@ fn row(knob: &str, setting: impl ToString, error: f64, us: f64, note: String) ->
     BenchRow { model: "visibility".into(), knob: knob.into(), setting: setting.to_string(), error, us, note }
 }
 
-/// Directions spread over the sphere by the golden angle, none of them a cube's.
+/// Directions spread over the sphere by the golden angle; none of them is a direction of a cube.
 fn spread(count: usize) -> Vec<DVec3> {
     let at = |k: usize| {
         let z = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
@@ -62,7 +62,7 @@ fn maps(world: &World, receivers: &Receivers, points: usize, directions: &[DVec3
     Ok((maps, clock.elapsed().as_secs_f64() * 1e6 / directions.len() as f64))
 }
 
-/// Root of the mean squared difference of shares over the receivers that `of` counts.
+/// Root mean square difference of shares over the receivers that `of` selects.
 fn rms(a: &[Vec<u8>], b: &[Vec<u8>], of: impl Fn(u8, u8) -> bool) -> f64 {
     let pairs = a.iter().flatten().zip(b.iter().flatten()).filter(|(x, y)| of(**x, **y));
     let (sum, count) = pairs.fold((0.0, 0usize), |(sum, count), (x, y)| {
@@ -90,7 +90,7 @@ fn points(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// Casting against rays: the same map.
+/// Casting and rays must give the same map.
 fn ways(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
     let light = AreaLight::disk(SUN, POINTS)?;
     let shadows = Shadows::new(world, receivers, &light)?;
@@ -107,7 +107,7 @@ fn ways(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
     ])
 }
 
-/// How far apart directions may be: the mixture of the maps around a light against its own map.
+/// How far apart directions may be: the mixture of the maps around a light is compared with its own map.
 fn spacings(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
     let lights = &spread(16)[..8];
     let (truth, _) = maps(world, receivers, POINTS, lights)?;
@@ -116,7 +116,7 @@ fn spacings(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
         rows.push(spacing(world, receivers, "cube", side, lights, &truth, |_| Directions::cube(side, -1.0))?);
     }
     for deg in [4.0, 2.0, 1.0, 0.5, 0.25, 0.125f64] {
-        // A path through the light, which lies anywhere between two of its directions.
+        // A path through the light, which lies anywhere between two directions of the path.
         let path = |k: usize| {
             let (d, step) = (lights[k], deg.to_radians());
             let before = step * (0.618 * k as f64 + 0.25).fract();
@@ -164,11 +164,11 @@ fn spacing(
     Ok(row(knob, setting, rms(&mixed, truth, |_, _| true), us, note))
 }
 
-/// Bytes and time of the codes, for a share of the source's cube and for a day's path.
+/// Bytes and time of the codes, for a part of the source's cube and for the sun's path of a day.
 fn codes(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
     let cube = Directions::cube(32, -1.0)?;
     let share: Vec<DVec3> = cube.list().iter().step_by(OF_THE_CUBE).copied().collect();
-    // From the horizon to the horizon past a noon 58° high, every quarter of a degree.
+    // From horizon to horizon, with the noon 58° high, every quarter of a degree.
     let day: Vec<DVec3> = (0..=720)
         .map(|k| (k as f64 / 720.0 * 0.5 * TAU).sin_cos())
         .map(|(sin, cos)| DVec3::new(cos, -0.53 * sin, 0.848 * sin))
@@ -186,7 +186,7 @@ fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3])
     let (mut collector, mut sample) = (Collector::new(receivers.len()), Vec::new());
     let clock = Instant::now();
     shadows.maps(directions, |k, map| {
-        // Decoding is timed on some of them.
+        // Decoding is timed on some of the maps.
         if k.is_multiple_of(16) {
             sample.push((k, map.to_vec()));
         }
@@ -197,8 +197,8 @@ fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3])
     let build = clock.elapsed().as_secs_f64() * 1e6 / directions.len() as f64;
     let raw = receivers.len() * directions.len();
     let mut map = vec![0; receivers.len()];
-    // The median over maps of the time of 100,000 receivers (µs), and the share of receivers that differ: all of a map
-    // that is not read.
+    // The median over maps of the time for 100,000 receivers (µs), and the share of receivers that differ. All
+    // receivers of a map that cannot be read differ.
     let mut decoded = |decode: &dyn Fn(usize, &mut [u8]) -> bool| {
         let mut wrong = 0;
         let mut times: Vec<f64> = (0..sample.len())
@@ -248,8 +248,8 @@ fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3])
 mod tests {
     use super::*;
 
-    /// The cluster has as many receivers as it says, and its maps reach both marks of the code: twelve times smaller
-    /// than raw bytes, every one lossless. (Times are for `bench` to say.)
+    /// The cluster has as many receivers as stated. Its maps meet both goals of the code: they are twelve times smaller
+    /// than raw bytes, and lossless. (Times are measured by `bench`.)
     #[test]
     fn the_cluster_s_maps_are_twelve_times_smaller() {
         let world = cluster();

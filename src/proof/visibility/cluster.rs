@@ -7,19 +7,20 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
-/// Leaves, and quads along and across each.
+/// Number of leaves, and of quads along and across each.
 const LEAVES: usize = 30;
 const QUADS: [usize; 2] = [24, 16];
-/// A leaf's length and half width before its own size, the twig's length, and how far a blade begins off it (mm).
+/// Length and half width of a leaf before scaling, length of the twig, and distance from the twig at which a blade
+/// begins (mm).
 const LEAF: [f64; 2] = [62.0, 15.0];
 const TWIG: f64 = 130.0;
 const STALK: f64 = 12.0;
 
-/// Edge at which the cluster has about as many receivers as the source's (Wang et al. 2005, Table 1: 34,000 to 60,000):
-/// 42,120.
+/// Edge length at which the cluster has about as many receivers as the source's (Wang et al. 2005, Table 1: 34,000 to
+/// 60,000): 42,120.
 pub(super) const EDGE_MM: f64 = 1.8;
 
-/// Leaves folded along the midrib, bent and wavy, around an upright twig a golden angle apart.
+/// Leaves that are folded along the midrib, bent and wavy, around an upright twig and a golden angle apart.
 pub(crate) fn cluster() -> World {
     let mut rng = Pcg64::seed_from_u64(5);
     let mut about = |middle: f64, spread: f64| middle + spread * (rng.random::<f64>() - 0.5);

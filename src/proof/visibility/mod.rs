@@ -1,4 +1,4 @@
-//! Sharp sunlight among leaves by maps that were computed beforehand: what they cost and what they are worth.
+//! Sharp sunlight among leaves, by maps that are computed beforehand: their cost and their accuracy.
 
 pub mod bench;
 pub(crate) mod cluster;

@@ -1,4 +1,4 @@
-//! Visibility in stiff and extreme scenes, with the verdict that each must get.
+//! Visibility in stiff and extreme scenes, each with the verdict that it must get.
 
 use super::cluster::cluster;
 use crate::stress::StressRow;
@@ -83,7 +83,7 @@ fn map(world: &World, radius: f64, direction: DVec3) -> crate::Result<(Receivers
     Ok((receivers, out))
 }
 
-/// All of an instance must be as bright as `want` says; a shadow's rim, a tenth of the leaf wide, is not looked at.
+/// All of an instance must be as bright as `want` says. The rim of a shadow, a tenth of the leaf wide, is left out.
 fn whole(case: &str, world: World, direction: DVec3, want: &[u8]) -> StressRow {
     let clock = Instant::now();
     let verdict = match map(&world, SUN, direction) {
@@ -104,7 +104,7 @@ fn whole(case: &str, world: World, direction: DVec3, want: &[u8]) -> StressRow {
     row(case, "ok", verdict, clock)
 }
 
-/// A change of the cluster that changes nothing of what is seen, but for a few points that an edge just meets.
+/// A change of the cluster that does not change what is seen, except at a few points that an edge just meets.
 fn like(case: &str, change: impl FnOnce(&mut World)) -> StressRow {
     let clock = Instant::now();
     let direction = DVec3::new(0.3, 0.5, 0.6);
@@ -120,7 +120,7 @@ fn like(case: &str, change: impl FnOnce(&mut World)) -> StressRow {
     row(case, "ok", verdict, clock)
 }
 
-/// A light that is a point is seen or not; beside penumbras as the disk is.
+/// A light that is a point is either seen or not. Away from penumbras the result is that of the disk.
 fn without_extent() -> StressRow {
     let clock = Instant::now();
     let direction = DVec3::new(0.3, 0.5, 0.6);
@@ -158,7 +158,7 @@ fn damaged() -> StressRow {
         bytes[middle] ^= 1;
         mesophyll_files::atomic::write_bytes(&path, &bytes)?;
         let read = CodedMaps::read(&path);
-        // Without the folder's name, which is another each time.
+        // The folder's name is left out, because it differs in every run.
         read.map(drop).map_err(|e| {
             let said = e.to_string();
             crate::Error::Usage(said.rsplit_once("maps: ").map_or(said.clone(), |(_, why)| why.into()))
@@ -198,7 +198,7 @@ fn million() -> World {
     world
 }
 
-/// Ground 40 m wide under a roof 10 mm above it.
+/// Ground of 40 m under a roof 10 mm above it.
 fn roof() -> World {
     let mut world = stack(&[(0.0, 0.3, 0.4), (10.0, 0.3, 0.4)]);
     for (leaf, placed) in world.leaves.iter_mut().zip(&mut world.instances) {

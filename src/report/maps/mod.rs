@@ -15,12 +15,12 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Widest picture of a single map.
+/// Largest width of a picture of a single map.
 pub(super) const WIDE: usize = 720;
 /// Bins of the charts.
 pub(super) const BINS: usize = 60;
 
-/// What a side's files hold.
+/// The contents of a side's files.
 #[derive(Debug)]
 pub struct SideMaps {
     pub section: String,
@@ -28,18 +28,18 @@ pub struct SideMaps {
     pub errors: Option<Maps>,
     pub truth: Option<Maps>,
     pub good: Vec<bool>,
-    /// What is said of a quantity's maps, by its name.
+    /// Remarks on the maps of a quantity, by the quantity's name.
     pub notes: BTreeMap<&'static str, String>,
-    /// Why the intervals of [`SHARED`] are not judged by the truth, where they are not.
+    /// Why the intervals of the quantities in [`SHARED`] are not judged by the truth, where that is so.
     pub unjudged: Option<String>,
 }
 
-/// Quantities that rest on the gauge: the caliper's mean thickness and a mean γ of 1.
+/// Quantities that depend on the gauge: the caliper's mean thickness and a mean γ of 1.
 const SHARED: [&str; 4] = ["sigma_a", "sigma_s", "thickness", "gamma"];
-/// Maps in which pigment alone explains a texel.
+/// Quantities of which the maps explain a texel by pigment alone.
 const PIGMENT: [&str; 2] = ["sigma_a", "sigma_s"];
 
-/// Reads what there is of a side; what is missing or unreadable is said in `missing`.
+/// Reads the maps of a side. What is missing or unreadable is described in `missing`.
 pub(crate) fn read_side(
     folder: &Path,
     section: &str,
@@ -78,8 +78,8 @@ pub(crate) fn read_side(
     Some(SideMaps { section: section.into(), fit, errors, truth, good, notes: BTreeMap::new(), unjudged: None })
 }
 
-/// Puts the truth of the σ maps, as the fit left it, in the place of the truth's own σa and σs. Without it they are
-/// taken away where the true leaf has an albedo factor γ: the same σ would mean two things.
+/// Puts the truth of the σ maps, as the fit stored it, in place of the truth's own σa and σs. Without it they are
+/// removed where the true leaf has an albedo factor γ, because the same σ would then mean two things.
 fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, missing: &mut Vec<String>) {
     let plain = |(name, values): &(String, Vec<f32>)| {
         split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3)
@@ -102,7 +102,7 @@ fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, m
     }
 }
 
-/// `truth_front.exr` in the fit, else `truth/front.exr` of the capture.
+/// `truth_front.exr` in the fit, otherwise `truth/front.exr` of the capture.
 fn truth_path(folder: &Path, section: &str, capture: Option<&Path>) -> Option<PathBuf> {
     let own = folder.join(format!("truth_{section}.exr"));
     if own.exists() {
@@ -155,7 +155,7 @@ impl SideMaps {
         samples.iter().zip(&self.good).filter(|(_, g)| **g).map(|(v, _)| *v)
     }
 
-    /// The rows of every map; channels that are nowhere finite are named in `missing`.
+    /// The rows of every map. Channels without any finite value are named in `missing`.
     pub fn rows(&self, missing: &mut Vec<String>) -> Vec<MapRow> {
         let channels = self.channels();
         let read: Vec<Option<MapRow>> = channels.par_iter().map(|c| self.row(c)).collect();

@@ -1,4 +1,4 @@
-//! What is drawn of a side's maps: the fit, the truth where it is known, the difference, and charts of the errors.
+//! The pictures of a side's maps: the fit, the truth where it is known, the difference, and charts of the errors.
 
 use super::{BINS, Channel, SideMaps, WIDE, colour_bar_of};
 use crate::chart::{self, Titles};
@@ -11,7 +11,7 @@ use mesophyll_files::quantity::{Quantity, split};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Widest picture of one of a row of channels.
+/// Largest width of one of several channels in a row.
 const NARROW: usize = 360;
 
 impl SideMaps {
@@ -71,7 +71,7 @@ impl SideMaps {
         out
     }
 
-    /// Which texels are good, outside, or defective and how.
+    /// Which texels are good, outside the leaf, or defective, and in which way.
     fn fate(&self, defects: &BTreeMap<String, String>) -> (Option<Captioned>, Vec<LegendItem>) {
         const GOOD: [u8; 3] = [0x9f, 0xb8, 0xa4];
         const HUES: [[u8; 3]; 7] = [
@@ -191,7 +191,7 @@ impl SideMaps {
         Some(ChannelPictures { channel: channel_word(letter).into(), pictures, charts })
     }
 
-    /// Standard errors, and what they are worth where the truth is known.
+    /// Standard errors, and how they compare with the true errors where the truth is known.
     fn error_charts(&self, c: &Channel, axis: &str, words: &str) -> Vec<ChartTile> {
         let mut charts = Vec::new();
         let z: Vec<f32> = self.scores(c).collect();

@@ -1,4 +1,4 @@
-//! One lit side of a piece of leaf under the full convolution, and what a basis makes of it.
+//! One lit side of a piece of leaf under the full convolution, and its reconstruction by a basis.
 
 use super::{Candidate, Case};
 use crate::{Error, Result};
@@ -11,7 +11,7 @@ use mesophyll_translucency::irradiance::{Visibility, irradiance, project};
 use mesophyll_translucency::lights::{Lights, raised};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Azimuths tried at each elevation but the first.
+/// Number of azimuths at each elevation but the first.
 const AZIMUTHS: usize = 8;
 /// Texels this close to the border of the piece are not judged (mm).
 const MARGIN_MM: f64 = 1.5;
@@ -28,21 +28,21 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Mean over the three elevations of the mean absolute error: the paper's "average reconstruction error" is 3 %.
+    /// Mean of the mean absolute error over the three elevations. The paper's "average reconstruction error" is 3 %.
     pub fn mean(&self) -> f64 {
         self.spreads.iter().map(|s| s.mean).sum::<f64>() / 3.0
     }
 }
 
-/// A lit side with its horizons, its kernels, and the truth in the directions judged.
+/// A lit side with its horizons, its kernels, and the truth in the directions that are judged.
 pub struct Judge<'a> {
     pub(super) case: &'a Case,
     pub(super) lit: LitSide<'a>,
     pub(super) horizon: Horizon,
     convolver: Convolver,
-    /// Texels that count.
+    /// Indices of the texels that count.
     judged: Vec<usize>,
-    /// The directions of each elevation and what comes through, at the judged texels.
+    /// The directions of each elevation, and the light that comes through at the judged texels.
     pub(super) truth: Vec<Vec<([f64; 3], Vec<f64>)>>,
 }
 
@@ -69,7 +69,7 @@ impl<'a> Judge<'a> {
         let mut judge = Judge { case, lit, horizon, convolver, judged, truth: Vec::new() };
         for elevation in ELEVATIONS {
             let count = if elevation < FRAC_PI_2 { AZIMUTHS } else { 1 };
-            // Off the slices' centres.
+            // The directions are not at the centres of the slices.
             let directions: Vec<[f64; 3]> =
                 (0..count).map(|k| raised(elevation.sin(), TAU * (k as f64 + 0.3) / count as f64)).collect();
             let entered: Vec<Vec<f64>> =
@@ -80,7 +80,7 @@ impl<'a> Judge<'a> {
         Ok(judge)
     }
 
-    /// What leaves the judged texels.
+    /// The light that leaves the judged texels.
     pub(super) fn through(&self, entered: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let all = self.convolver.run(&self.lit.thickness, entered);
         all.iter().map(|image| self.judged.iter().map(|&k| image[k]).collect()).collect()
@@ -134,7 +134,7 @@ mod tests {
         toml::from_str(include_str!("../../../../data/leaves/elm.toml")).unwrap()
     }
 
-    /// A flat uniform leaf is held exactly by every basis that holds the cosine, whatever the tissue.
+    /// Every basis that contains the cosine reproduces a flat uniform leaf exactly, whatever the tissue.
     #[test]
     fn a_flat_leaf_has_no_error() {
         let case = Case {
@@ -152,8 +152,8 @@ mod tests {
         }
     }
 
-    /// On veins: more functions hold more, the bent light's three more than the straight one's, and the paper's plain
-    /// sums less than the Gram matrix.
+    /// On veins, more functions are more accurate, three functions of the bent light are more accurate than three of
+    /// the straight one, and the paper's plain sums are less accurate than the Gram matrix.
     #[test]
     fn veins_need_more_than_a_vector() {
         let blade = piece(&elm(), 0.2, [2.0, 2.0], [9.0, 8.0]).unwrap();
@@ -168,7 +168,7 @@ mod tests {
         assert!(straight > 0.01, "there is relief: {straight}");
         assert!(visible(Basis::Bent { count: 3 }, Weights::Gram, FINE) < 0.8 * straight);
         assert!(visible(Basis::Hemispherical { bands: 3 }, Weights::Gram, FINE) < 0.8 * straight);
-        // The same 128 directions, with and without their Gram matrix: the mean level.
+        // The same 128 directions with and without their Gram matrix; the mean level is compared.
         let mean = |weights: Weights| {
             let images =
                 judge.coefficients(Candidate { basis: Basis::HalfLife2, weights, lights: Rule::default() }).unwrap();

@@ -1,11 +1,11 @@
-//! How well a few functions of direction hold what a leaf lets through (H7 Fig. 12, H9 Fig. 3.19): the reconstruction
-//! against the full convolution for each of a set of light directions, on leaves with veins; bases against bytes and
-//! multiply-adds, light directions and horizon maps against time.
+//! How well a few functions of direction represent the light that a leaf lets through (H7 Fig. 12, H9 Fig. 3.19). On
+//! leaves with veins, the reconstruction is compared with the full convolution for a set of light directions. Bases are
+//! compared by bytes and multiply-adds, light directions and horizon maps by time.
 //!
-//! The error is the paper's, f_rec/f − 1 over all texels, at elevations of π/2, π/4 and π/8 over the tangent plane,
-//! eight azimuths each. Bases are projected from many directions, so that what is seen is theirs and not the
-//! directions' chance. Leaves are grown flat (no fold, droop or waves: those belong to the mesh), cut to a piece of the
-//! lamina with its midrib, and go through heights integrated from their normals as fits do.
+//! The error is the paper's: f_rec/f − 1 over all texels, at elevations of π/2, π/4 and π/8 over the tangent plane,
+//! with eight azimuths each. Bases are projected from many directions, so that the error is that of the basis and not
+//! of chance directions. Leaves are grown flat (without fold, droop or waves, which belong to the mesh) and cut to a
+//! piece of the lamina with its midrib. As in fits, their heights are integrated from their normals.
 
 mod judge;
 mod rows;
@@ -24,10 +24,10 @@ use mesophyll_translucency::blade::{Blade, Surface};
 use mesophyll_translucency::lights::Rule;
 use mesophyll_translucency::relief;
 
-/// The directions that bases are judged with.
+/// The directions with which bases are judged.
 pub const FINE: Rule = Rule::Product { levels: 16, azimuths: 32 };
 
-/// Texel of the leaves judged (mm): the resolution of the paper's scanner.
+/// Texel size of the leaves that are judged (mm): the resolution of the paper's scanner.
 pub const TEXEL_MM: f64 = 0.1;
 
 /// One lit side of a piece of leaf, ready to be judged.
@@ -49,12 +49,12 @@ impl Case {
     }
 }
 
-/// What is to be judged.
+/// A combination that is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// The functions of direction.
     pub basis: Basis,
-    /// How samples become coefficients.
+    /// How samples are turned into coefficients.
     pub weights: Weights,
     /// The directions of the samples.
     pub lights: Rule,
@@ -71,15 +71,15 @@ impl Candidate {
     }
 }
 
-/// A piece of a leaf, `size_mm` around `centre_mm` of its field (x right, y up from the middle), on texels of
-/// `texel_mm`.
+/// A piece of a leaf of the size `size_mm` around `centre_mm` of its field (x right, y up from the middle), with texels
+/// of `texel_mm`.
 ///
 /// # Errors
 /// [`Error::Missed`] when nothing of the leaf lies there.
 pub fn piece(spec: &Spec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2]) -> Result<Blade> {
     let mut spec = spec.clone();
     (spec.relief.fold_deg, spec.relief.droop_mm, spec.relief.wave_mm) = (0.0, 0.0, 0.0);
-    // Only the piece is grown: its field is the leaf's, cut.
+    // Only the piece is grown: its field is the leaf's field, cut to it.
     let [w, h] = spec.field_mm.map(|f| (f / texel_mm).round() as usize);
     let missing = || Error::Missed(format!("{}: no leaf at {centre_mm:?} mm", spec.name));
     let leaf = Leaf::grow(&spec, Model::Exact, w, h).ok_or_else(missing)?;
@@ -89,7 +89,7 @@ pub fn piece(spec: &Spec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2])
     if left + cw > w || top + ch > h {
         return Err(missing());
     }
-    // The back's maps in the front's columns, cut, and turned again.
+    // The back's maps are brought into the front's columns, cut, and turned back.
     let cut = |k: usize| (top + k / cw) * w + left + k % cw;
     let of = |k: usize| w * (k / w) + w - 1 - k % w;
     let n = cw * ch;
@@ -111,7 +111,7 @@ pub fn piece(spec: &Spec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2])
     Ok(Blade { width: cw, height: ch, texel_mm: leaf.texel_mm, mask, thickness, front, back })
 }
 
-/// The bases tried, in order of what they store, and the paper's own way of projecting.
+/// The bases that are tried, in order of the size that they store, and the paper's own way of projecting.
 pub fn candidates() -> Vec<Candidate> {
     let mut list: Vec<Candidate> = [
         Basis::HalfLife2,
@@ -155,7 +155,7 @@ pub fn cases(texel_mm: f64) -> Result<Vec<Case>> {
 }
 
 /// The bases that are drawn side by side: the sources' own sums over 128 random directions, the same functions with
-/// their Gram matrix, the bent light's three, nine hemispherical harmonics.
+/// their Gram matrix, three functions of the bent light, and nine hemispherical harmonics.
 pub fn drawn() -> [Candidate; 4] {
     let fine = |basis| Candidate { basis, weights: Weights::Gram, lights: FINE };
     [
@@ -191,7 +191,7 @@ mod tests {
         toml::from_str(include_str!("../../../../data/leaves/elm.toml")).unwrap()
     }
 
-    /// The heights that fits use, integrated from normals, give those normals back.
+    /// The heights that fits use are integrated from normals; they give these normals back.
     #[test]
     fn heights_and_normals_agree() {
         let blade = piece(&elm(), 0.2, [2.0, 2.0], [9.0, 8.0]).unwrap();
@@ -205,7 +205,7 @@ mod tests {
         let off: f64 =
             again.iter().zip(&blade.back.normal).map(|(a, b)| (0..2).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>()).sum();
         let size: f64 = blade.back.normal.iter().map(|n| n[0] * n[0] + n[1] * n[1]).sum();
-        // Two central differences in a row soften veins of a few texels.
+        // Two central differences, one after the other, blur veins of a few texels.
         assert!(off < 0.25 * size, "{off} of {size}");
         assert!(piece(&elm(), 0.5, [30.0, 26.0], [4.0, 4.0]).is_err(), "off the field");
     }

@@ -1,4 +1,4 @@
-//! The study as rows: bases on every case, light directions, azimuths a slice of the horizon.
+//! The study as rows: bases on every case, light directions, and the number of azimuths in a slice of the horizon.
 
 use super::{Candidate, Judge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
 use crate::bench::{BenchRow, median_us};
@@ -18,7 +18,7 @@ fn row(knob: String, setting: String, error: f64, us: f64, note: String) -> Benc
     BenchRow { model: "translucency".into(), knob, setting, error, us, note }
 }
 
-/// Bases by bytes and multiply-adds on every case, light directions, and azimuths a slice of the horizon.
+/// Bases by bytes and multiply-adds on every case, light directions, and numbers of azimuths in a slice of the horizon.
 ///
 /// # Errors
 /// As [`cases`]; [`Error::Interrupted`].
@@ -98,7 +98,8 @@ fn light_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// What slices and their interpolation cost against the horizon in the light's own azimuth, at the lowest elevation.
+/// The error that slices and their interpolation cause, compared with the horizon in the light's own azimuth, at the
+/// lowest elevation.
 fn horizon_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
     let lit = &judge.lit;
     let directions: Vec<[f64; 3]> = judge.truth[2].iter().map(|(d, _)| *d).collect();

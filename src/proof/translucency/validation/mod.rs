@@ -1,8 +1,8 @@
-//! Diffusion against the random walk: where the forms of T(r, d) hold, and what a vein's shadow looks like.
+//! Diffusion compared with the random walk: where the forms of T(r, d) hold, and what a vein's shadow looks like.
 //!
-//! The oracle is [`mesophyll_walk`], every figure of which has a standard error; rows carry signed errors (form
-//! less oracle), relative unless the note says otherwise, NaN where the form is not defined or the oracle knows its
-//! result to worse than a tenth.
+//! The oracle is [`mesophyll_walk`]; each of its figures has a standard error. Rows contain signed errors (form less
+//! oracle). They are relative unless the note says otherwise, and NaN where the form is not defined or the oracle's
+//! standard error is more than a tenth.
 
 pub mod plane;
 pub mod vein;
@@ -12,17 +12,17 @@ use crate::bench::BenchRow;
 use mesophyll_files::progress::Bar;
 use mesophyll_walk::Histories;
 
-/// How many histories the oracle takes.
+/// How many histories the oracle follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
     /// Histories of each plane slab.
     pub plane: u64,
-    /// Histories of each vein, all runs together.
+    /// Histories of each vein, over all runs.
     pub vein: u64,
 }
 
 impl Effort {
-    /// Minutes on two cores.
+    /// This takes minutes on two cores.
     pub const FULL: Effort = Effort { plane: 400_000, vein: 1_000_000 };
 
     fn plane(self) -> Histories {
@@ -44,7 +44,8 @@ pub const PIECES: u64 = 6;
 /// All rows.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`]; what the walk or the convolution refuses, none with the settings used here.
+/// [`crate::Error::Interrupted`], and the errors of the walk and of the convolution, which do not occur with these
+/// settings.
 pub fn bench_rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     rows(Effort::FULL, bar)
 }

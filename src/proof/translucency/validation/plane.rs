@@ -1,4 +1,5 @@
-//! The forms of T(r, d) against the walk in a plane slab: totals, the spot's spread, the angles the light leaves at.
+//! The forms of T(r, d) compared with the walk in a plane slab: totals, the spread of a spot, and the angles at which
+//! light leaves.
 
 use super::{Effort, row};
 use crate::bench::{BenchRow, median_us};
@@ -13,10 +14,10 @@ use mesophyll_walk::{Boundary, Estimate, Medium, Slab, SlabWalk};
 /// The forms by name.
 pub const FORMS: [(&str, Form); 3] = [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)];
 
-/// Errors stated to fewer digits than this mean nothing: the oracle's relative standard error.
+/// An error means nothing where the oracle's relative standard error is larger than this.
 const KNOWN: f64 = 0.1;
 
-/// Said of a form below its thinnest blade.
+/// The remark on a form where the blade is too thin for it.
 const UNDEFINED: &str = "the form is not defined here";
 
 /// Inner reflectance ρ of both faces, from the tissue's A = (1 + ρ)/(1 − ρ).
@@ -25,7 +26,7 @@ fn boundary(tissue: &Tissue) -> Boundary {
     if reflectance > 0.0 { Boundary::Diffuse { reflectance } } else { Boundary::Matched }
 }
 
-/// The medium that the walk takes in place of this tissue.
+/// The medium that the walk uses for this tissue.
 pub fn medium(tissue: &Tissue) -> Medium {
     Medium { sigma_a: tissue.sigma_a, sigma_s: tissue.sigma_s, g: tissue.g }
 }
@@ -40,7 +41,7 @@ fn named(tissue: &Tissue, d: f64) -> String {
     format!("sigma_a {sigma_a}, sigma_s {sigma_s:.4}, g {g}{faces}, d {d}")
 }
 
-/// Small totals in powers of ten.
+/// Writes small totals in powers of ten.
 fn digits(x: f64) -> String {
     if x.abs() < 0.01 { format!("{x:.3e}") } else { format!("{x:.5}") }
 }
@@ -53,7 +54,7 @@ fn stated(e: Estimate) -> String {
     }
 }
 
-/// One row a form: the relative error of its total.
+/// One row for each form: the relative error of its total.
 fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting: &str, oracle: Estimate) {
     let sure = oracle.error < KNOWN * oracle.value;
     let of = |total: f64| if sure && total.is_finite() { total / oracle.value - 1.0 } else { f64::NAN };
@@ -72,7 +73,7 @@ fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting
     }
 }
 
-/// The transport equation with isotropic scattering of σs′ in place of σs and g (matched faces, a normal beam).
+/// The transport equation with isotropic scattering σs′ instead of σs and g (matched faces, a normal beam).
 fn similar(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, oracle: Estimate) {
     let total = slab::response(tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
     let us = median_us(1.0, || slab::response(tissue.sigma_a, tissue.reduced_scattering(), d));
@@ -114,7 +115,7 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
             similar(&mut rows, knob, &tissue, d, oracle);
         }
     }
-    // light that a rough face has spread, and a dielectric face in full (per flux that entered)
+    // Light that a rough face has spread, and a dielectric face treated in full (relative to the flux that entered).
     for d in [0.05, 0.1, 0.2, 0.5] {
         let oracle = walk(&table, d, Entry::Diffuse, effort, &[])?.transmitted;
         totals(&mut rows, "oracle: lambertian entry", &table, d, &named(&table, d), oracle);
@@ -145,9 +146,9 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// Light at an angle: what a beam sends through, an incident flux, over what light from everywhere does (which ρt was
-/// measured with). The maps say 1 for every angle on a flat blade, so a row's error is that of the picture. The exact
-/// slab at that incidence stands beside it where faces are matched.
+/// Light at an angle: the share of a beam that comes through, divided by the share of light from everywhere (which ρt
+/// was measured with). For a flat blade the maps say 1 at every angle, so a row's error is that of the picture. Where
+/// faces are matched, the note also gives the exact slab at that incidence.
 pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let table = Tissue::TABLE;
     let face = Rough { index: 1.4, slope: 0.35 };
@@ -175,7 +176,8 @@ pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// Transmittance of a beam at this angle over that of light from everywhere, both per incident flux.
+/// Transmittance of a beam at this angle, divided by that of light from everywhere; both are relative to the incident
+/// flux.
 pub fn beam_over_even(slab: &Slab, degrees: f64, effort: Effort) -> Result<Estimate> {
     let (sin, mu) = degrees.to_radians().sin_cos();
     let beam = slab.walk(Entry::Beam([sin, 0.0, mu]), effort.plane(), &[])?.transmitted;
@@ -191,7 +193,7 @@ pub fn slant(tissue: &Tissue, d: f64, mu: f64) -> f64 {
     at(mu) / even
 }
 
-/// Share of Lambertian light that a smooth face of this index sends back inside: ∫ 2 μ F dμ, midpoints.
+/// Share of Lambertian light that a smooth face of this index reflects back inside: ∫ 2 μ F dμ, by the midpoint rule.
 pub fn inner_reflectance(index: f64) -> f64 {
     const N: usize = 20_000;
     let at = |k: usize| {
@@ -201,7 +203,7 @@ pub fn inner_reflectance(index: f64) -> f64 {
     (0..N).map(at).sum::<f64>() / N as f64
 }
 
-/// Root mean square distance of the scattered light, mm: −4 dT̂/d(k²)/T̂ at k = 0, two steps extrapolated.
+/// Root mean square distance of the scattered light (mm): −4 dT̂/d(k²)/T̂ at k = 0, extrapolated from two steps.
 pub fn spread(tissue: &Tissue, d: f64, form: Form) -> f64 {
     let at = |k: f64| tissue.spectrum(k, d, form) - tissue.ballistic(d, form);
     let total = at(0.0);
@@ -210,7 +212,7 @@ pub fn spread(tissue: &Tissue, d: f64, form: Form) -> f64 {
     ((4.0 * slope(0.5 * k) - slope(k)) / 3.0).sqrt()
 }
 
-/// Radius that holds this share of the scattered light, by bisection on `beyond`. NaN where the form is not defined.
+/// Radius that contains this share of the scattered light, by bisection on `beyond`. NaN where the form is not defined.
 pub fn radius_of(tissue: &Tissue, d: f64, form: Form, share: f64) -> f64 {
     let total = tissue.beyond(0.0, d, form);
     if !(total > 0.0) {
@@ -224,8 +226,8 @@ pub fn radius_of(tissue: &Tissue, d: f64, form: Form, share: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The same of the walk, with the standard error that the ring's own uncertainty leaves: linear between the rings'
-/// edges.
+/// The same for the walk, linear between the edges of the rings, with the standard error that follows from the
+/// uncertainty of a ring.
 fn radius_in(walk: &SlabWalk, share: f64) -> Estimate {
     let parts: Vec<f64> = rings(walk);
     let scattered = walk.transmitted.value - walk.unscattered.value;
@@ -234,7 +236,7 @@ fn radius_in(walk: &SlabWalk, share: f64) -> Estimate {
         let (low, high) = (walk.edges[k], walk.edges[k + 1]);
         if sum + part >= share * scattered {
             let fraction = (share * scattered - sum) / part;
-            // the share below is known to √(share (1 − share)) of the scattered flux's own relative error
+            // The share below is known to √(share (1 − share)) of the relative error of the scattered flux.
             let relative = walk.transmitted.error / scattered;
             let error = (share * (1.0 - share)).sqrt() * relative * scattered * (high - low) / part;
             return Estimate { value: low + fraction * (high - low), error };
@@ -249,7 +251,7 @@ fn rings(walk: &SlabWalk) -> Vec<f64> {
     walk.radial.iter().zip(walk.edges.windows(2)).map(|(t, e)| t.value * area(e)).collect()
 }
 
-/// Rings for a slab: even in r up to 3 d and beyond it geometric to 40 mm.
+/// Rings for a slab: evenly spaced in r up to 3 d, and beyond that geometric up to 40 mm.
 fn edges(d: f64) -> Vec<f64> {
     let mut edges: Vec<f64> = (0..=90).map(|k| f64::from(k) * d / 30.0).collect();
     let mut r = 3.0 * d;
@@ -260,8 +262,8 @@ fn edges(d: f64) -> Vec<f64> {
     edges
 }
 
-/// Half-light radius, root mean square radius and the largest difference of the enclosed share, for tissues over
-/// thickness.
+/// Half-light radius, root mean square radius and the largest difference of the enclosed share, for several tissues
+/// over thickness.
 pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let table = Tissue::TABLE;
@@ -330,7 +332,7 @@ pub fn angle_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// The oracle against the exact slab: what more histories buy.
+/// The oracle compared with the exact slab: how more histories reduce its error.
 pub fn history_rows() -> Result<Vec<BenchRow>> {
     let (sigma_a, sigma_s, d) = (0.4, 9.486, 0.2);
     let exact = slab::exact::response(sigma_a, sigma_s, d).rho_t;

@@ -7,7 +7,7 @@ use mesophyll_walk::{Boundary, Medium, Slab};
 
 #[test]
 fn rms_and_half_light_radius_are_those_of_the_kernel() {
-    // by quadrature of `beyond`: <r²> = ∫ 2 r beyond(r) dr / total
+    // By quadrature of `beyond`: <r²> = ∫ 2 r beyond(r) dr / total.
     for (d, form) in [(0.2, Form::Thin), (0.5, Form::Images), (0.2, Form::Dipoles(3))] {
         let (t, n, end) = (Tissue::TABLE, 4000, 8.0);
         let sum: f64 = (0..n)
@@ -25,8 +25,8 @@ fn rms_and_half_light_radius_are_those_of_the_kernel() {
 
 #[test]
 fn inner_reflectance_follows_the_etendue() {
-    // inside and outside of one face pass the same flux: 1 − ρ_out = n² (1 − ρ_in); ρ_out = 0.0918 at n = 1.5 (Walsh
-    // 1926)
+    // The inside and the outside of one face pass the same flux: 1 − ρ_out = n² (1 − ρ_in), with ρ_out = 0.0918 at n =
+    // 1.5 (Walsh 1926).
     let inner = inner_reflectance(1.5);
     assert!((1.0 - 2.25 * (1.0 - inner) - 0.0918).abs() < 1e-4, "{inner}");
     assert!(inner_reflectance(1.0).abs() < 1e-9);
@@ -37,15 +37,16 @@ fn a_vein_under_even_light_is_blurred_by_the_entry_and_not_by_the_exit() {
     let t = Tissue::TABLE;
     let model = Model::new(&VEINS[0], Ridge::Unlit);
     let kernels = model.kernels(&t, Form::Images).unwrap();
-    // even irradiance and the exit's thickness: no blur at all, each texel has the total of its own thickness
+    // With even irradiance and the thickness at the exit there is no blur: each texel has the total of its own
+    // thickness.
     let exit = read(&model.profile(&kernels, 0.0, Take::Exit));
     let lamina = t.total(0.2, Form::Images);
-    // the crest is read over four texels, at 0.02 and 0.06 mm
+    // The crest is read over four texels, at 0.02 and 0.06 mm.
     let at = |x: f64| t.total(0.2 + 0.3 * (std::f64::consts::PI * x / 0.8).cos().powi(2), Form::Images);
     let crest = 0.5 * (at(0.02) + at(0.06));
     assert!((exit.lamina / lamina - 1.0).abs() < 2e-3, "{} {lamina}", exit.lamina);
     assert!((exit.crest * exit.lamina / crest - 1.0).abs() < 5e-3, "{} {crest}", exit.crest * exit.lamina);
-    // the entry's thickness blurs: a lighter crest; facets change nothing where the lit face is flat
+    // The thickness at the entry blurs: the crest is lighter. Facets make no difference where the lit face is flat.
     let entry = read(&model.profile(&kernels, 0.0, Take::Printed));
     let facets = read(&model.profile(&kernels, 0.0, Take::Facets));
     assert!(entry.crest > exit.crest + 0.01, "{entry:?} {exit:?}");
@@ -63,7 +64,7 @@ fn the_oracle_in_a_vein_has_the_lamina_of_the_plane_slab() {
         boundary: Boundary::Matched,
     };
     let flat = slab.walk(Entry::NORMAL, Histories { count: 80_000, seed: 1 }, &[]).unwrap().transmitted;
-    // ten texels of a hundred carry a tenth of the histories
+    // Ten texels of a hundred get a tenth of the histories.
     assert!((lamina - flat.value).abs() < 4.0 * 4.0 * flat.error, "{lamina} {flat:?}");
 }
 
@@ -76,7 +77,7 @@ fn the_rows_say_what_they_compare() {
         && r.knob.starts_with("oracle: ")
         && !r.setting.is_empty()
         && (r.us >= 0.0 || r.error.is_nan())));
-    // the image sum below a mean free path (0.101 mm) is not there; the thin form is
+    // Below a mean free path (0.101 mm) the image sum is not defined; the thin form is.
     let at = |knob: &str, d: &str| rows.iter().find(|r| r.knob == knob && r.setting.ends_with(d)).unwrap().error;
     assert!(at("oracle: thickness, images", "d 0.05").is_nan());
     assert!(at("oracle: thickness, thin", "d 0.05").abs() < 0.2);
@@ -90,9 +91,9 @@ fn a_slanting_beam_is_the_exact_slabs() {
     for degrees in [0.0f64, 60.0] {
         let walk = plane::beam_over_even(&slab, degrees, effort).unwrap();
         let exact = plane::slant(&t, 0.2, degrees.to_radians().cos());
-        // σs(1−g) in place of σs and g = 0.07 is worth a few thousandths
+        // Taking σs(1−g) instead of σs and g = 0.07 changes a few thousandths.
         assert!((walk.value - exact).abs() < 4.0 * walk.error + 0.01 * exact, "{degrees}: {walk:?} {exact}");
-        // neither is 1, which is what the maps say
+        // Neither is 1, which is what the maps say.
         assert!((exact - 1.0).abs() > 0.1, "{exact}");
     }
 }

@@ -1,8 +1,9 @@
-//! A vein's shadow: the convolution against the walk through the relief.
+//! A vein's shadow: the convolution compared with the walk through the relief.
 //!
-//! A straight ridge, raised cosine, on one face of a flat lamina of the paper's tissue; light falls across it. Profiles
-//! are relative to the lamina beside, so that what a form's total is wrong by does not count twice; a row's error is
-//! the root mean square of their difference. Standard errors by a jackknife over independent runs.
+//! A straight ridge (a raised cosine) stands on one face of a flat lamina of the paper's tissue, and light falls across
+//! it. Profiles are relative to the lamina beside the ridge, so that the error of a form's total does not count twice.
+//! A row's error is the root mean square of the difference of the profiles. Standard errors come from a jackknife over
+//! independent runs.
 
 use super::plane::{inner_reflectance, medium};
 use super::{Effort, row};
@@ -23,12 +24,12 @@ const TEXEL: f64 = 0.04;
 const LAMINA: f64 = 0.2;
 /// Texels of a profile (one period of the oracle's relief).
 const N: usize = 100;
-/// Columns and rows of the model's map: the profile and what its kernels reach.
+/// Columns and rows of the model's map: the profile, and the distance that its kernels reach.
 const WIDE: usize = 2 * N;
 const LONG: usize = 121;
 /// Independent runs of the oracle.
 const RUNS: usize = 8;
-/// Refractive index and facets' slope of the dielectric.
+/// Refractive index of the dielectric, and the slope of its facets.
 const INDEX: f64 = 1.4;
 const SLOPE: f64 = 0.35;
 
@@ -43,12 +44,12 @@ pub struct Vein {
     pub width: f64,
 }
 
-/// Slopes up to 50° and 15°.
+/// Their slopes reach 50° and 15°.
 pub const VEINS: [Vein; 2] =
     [Vein { name: "steep", rise: 0.3, width: 0.4 }, Vein { name: "gentle", rise: 0.1, width: 0.6 }];
 
 impl Vein {
-    /// Height over texel centres; the middle of `n` texels is the crest.
+    /// Heights at the centres of texels; the crest is in the middle of `n` texels.
     fn heights(&self, n: usize) -> Vec<f64> {
         (0..n)
             .map(|k| {
@@ -77,10 +78,10 @@ pub enum Ridge {
     Unlit,
 }
 
-/// What the oracle's faces do.
+/// How the oracle's faces treat light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Faces {
-    /// Nothing; light goes straight in.
+    /// They do nothing; light goes straight in.
     Clear,
     /// Light enters and leaves Lambertian about the face.
     Spread,
@@ -113,12 +114,12 @@ fn toward(degrees: f64) -> [f64; 3] {
     [sin, 0.0, cos]
 }
 
-/// The oracle's profiles, one a run.
+/// The oracle's profiles, one for each run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Runs {
-    /// What leaves each texel of the leaf's plane.
+    /// The light that leaves each texel of the leaf's plane.
     pub exitance: Vec<Vec<f64>>,
-    /// π times the radiance from straight before it.
+    /// π times the radiance seen from straight in front.
     pub seen: Vec<Vec<f64>>,
 }
 
@@ -145,14 +146,14 @@ pub fn oracle(vein: &Vein, ridge: Ridge, faces: Faces, degrees: f64, effort: Eff
     Ok(runs)
 }
 
-/// What the convolution makes of the maps.
+/// How the convolution uses the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Take {
-    /// As H9 Eq. 3.14: the thickness where light enters, E over the texel's area in the leaf's plane.
+    /// As in H9 Eq. 3.14: the thickness where light enters, and E over the texel's area in the leaf's plane.
     Printed,
-    /// E over the area of the texel's facet, 1/n_z larger: the flux that meets it.
+    /// E over the area of the texel's facet, which is 1/n_z times larger: the flux that meets the facet.
     Facets,
-    /// The same with the thickness where light leaves.
+    /// The same, with the thickness where light leaves.
     Exit,
 }
 
@@ -180,7 +181,7 @@ impl Model {
         Convolver::for_map(&settings, WIDE, &self.blade.thickness)?.ok_or_else(none)
     }
 
-    /// The middle of the middle row.
+    /// The profile in the middle of the middle row.
     pub fn profile(&self, kernels: &Convolver, degrees: f64, take: Take) -> Vec<f64> {
         let lit = self.blade.lit(Side::Front);
         let mut light = irradiance(&lit, &self.horizon, toward(degrees), Visibility::Hard);
@@ -188,7 +189,8 @@ impl Model {
             light.iter_mut().zip(&lit.surface.normal).for_each(|(e, n)| *e /= n[2]);
         }
         let light = std::slice::from_ref(&light);
-        // the adjoint gives the kernel of a thickness to where its sum is taken
+        // With the adjoint, the kernel is that of the thickness at the texel whose light is summed up, where light
+        // leaves.
         let image = if take == Take::Exit {
             kernels.adjoint(&lit.thickness, light)
         } else {
@@ -198,7 +200,8 @@ impl Model {
     }
 }
 
-/// What is read off a profile: the lamina's level, and relative to it the crest, both feet, and the shadow's edge (mm).
+/// Readings of a profile: the lamina's level; relative to it the crest and both feet; and the width of the shadow's
+/// edge (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Level beside the vein, in the unit of the profile.
@@ -209,8 +212,8 @@ pub struct Reading {
     pub near: f64,
     /// The same on the side away from the light.
     pub far: f64,
-    /// Distance over which the profile rises from 10 to 90 % of the way from crest to lamina, both sides' mean; NaN
-    /// where it does not.
+    /// Distance over which the profile rises from 10 to 90 % of the way from crest to lamina, mean of both sides; NaN
+    /// where it does not rise that far.
     pub edge: f64,
 }
 
@@ -221,7 +224,7 @@ pub fn read(profile: &[f64]) -> Reading {
         inside.iter().sum::<f64>() / inside.len() as f64
     };
     let lamina = mean(1.2, 1.6);
-    // both halves, three texels each: what the noise of one texel leaves of an edge
+    // Both halves are averaged, three texels each, so that the noise of one texel does not decide an edge.
     let half: Vec<f64> = (0..N / 2).map(|k| 0.5 * (profile[N / 2 + k] + profile[N / 2 - 1 - k])).collect();
     let smooth: Vec<f64> =
         (0..N / 2).map(|k| (half[k.saturating_sub(1)] + half[k] + half[(k + 1).min(N / 2 - 1)]) / 3.0).collect();
@@ -248,7 +251,7 @@ fn x_of(k: usize) -> f64 {
     (k as f64 + 0.5 - 0.5 * N as f64) * TEXEL
 }
 
-/// A reading of the runs' mean, with the jackknife's standard error.
+/// A reading of the mean of the runs, with the jackknife's standard error.
 fn jackknife(runs: &[Vec<f64>], pick: impl Fn(&[f64]) -> f64) -> Estimate {
     let n = runs.len() as f64;
     let total: Vec<f64> = (0..N).map(|k| runs.iter().map(|r| r[k]).sum()).collect();
@@ -260,8 +263,8 @@ fn jackknife(runs: &[Vec<f64>], pick: impl Fn(&[f64]) -> f64) -> Estimate {
     Estimate { value, error }
 }
 
-/// Root mean square of model less oracle, both relative to their lamina, over |x| ≤ 1.6 mm; the oracle's noise taken
-/// out.
+/// Root mean square of model less oracle, both relative to their lamina, over |x| ≤ 1.6 mm, corrected for the oracle's
+/// noise.
 fn difference(model: &[f64], runs: &[Vec<f64>]) -> f64 {
     let (a, b) = (read(model).lamina, jackknife(runs, |p| read(p).lamina).value);
     let inside: Vec<usize> = (0..N).filter(|&k| x_of(k).abs() <= 1.6).collect();
@@ -275,7 +278,7 @@ fn difference(model: &[f64], runs: &[Vec<f64>]) -> f64 {
     (sum / inside.len() as f64).max(0.0).sqrt()
 }
 
-/// The forms and ways compared.
+/// The forms and ways that are compared.
 const MODELS: [(&str, Form, Take); 4] = [
     ("images", Form::Images, Take::Printed),
     ("thin", Form::Thin, Take::Printed),
@@ -283,7 +286,7 @@ const MODELS: [(&str, Form, Take); 4] = [
     ("thin, facets' area, exit's thickness", Form::Thin, Take::Exit),
 ];
 
-/// One row a vein, case and model: the difference of the profiles, and the readings of both.
+/// One row for each vein, case and model: the difference of the profiles, and the readings of both.
 pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let inner = inner_reflectance(INDEX);
@@ -297,7 +300,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                     (Form::Thin, model.kernels(&tissue, Form::Thin)?),
                 ];
                 let cases: &[(Faces, f64)] = if tissue.a == 1.0 {
-                    // a flat lit face that spreads light forgets where it came from
+                    // A flat lit face that spreads light loses the light's direction.
                     &[(Faces::Clear, 0.0), (Faces::Spread, 0.0), (Faces::Spread, 75.0)]
                         [..if ridge == Ridge::Lit { 3 } else { 2 }]
                 } else {
@@ -310,7 +313,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                         format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
                     for (name, form, take) in MODELS {
                         if take == Take::Facets && ridge == Ridge::Unlit {
-                            continue; // a flat lit face: as printed
+                            continue; // With a flat lit face this is the same as the printed form.
                         }
                         let Some((_, convolver)) = kernels.iter().find(|(f, _)| *f == form) else { continue };
                         let start = Instant::now();
@@ -327,8 +330,8 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                             ));
                         };
                         compare("exitance", &runs.exitance);
-                        // of a flat face the two differ by the exit angles alone, which the lamina shares; faces that
-                        // do not spread show the beam itself
+                        // Where light leaves through a flat face, the two differ only by the angles of exit, which are
+                        // the same beside the ridge. Faces that do not spread light show the beam itself.
                         if ridge == Ridge::Unlit && faces == Faces::Spread {
                             compare("radiance", &runs.seen);
                         }
