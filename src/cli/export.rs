@@ -182,9 +182,22 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
+/// A scene whose plants are written, and a sentence about what is not.
+fn with_plants(scene: &Path) -> Result<Manifest> {
+    let manifest = Manifest::read(scene)?;
+    if !manifest.grass.is_empty() {
+        let lawns: Vec<&str> = manifest.grass.iter().map(|g| g.name.as_str()).collect();
+        progress::say(format_args!(
+            "lawns are left out ({}); `mesophyll grow` writes the blades of a meadow",
+            lawns.join(", ")
+        ));
+    }
+    Ok(manifest)
+}
+
 /// A scene's plants as they stand at a time.
 fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
-    let manifest = Manifest::read(scene)?;
+    let manifest = with_plants(scene)?;
     let time = time.unwrap_or_else(|| branch::rest_time(&manifest));
     mesophyll_flora::file::write(&placed::posed::plants(&manifest, time, &Ledger::new())?, path)?;
     Ok(vec![path.to_path_buf()])
@@ -192,13 +205,13 @@ fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
 
 /// A scene's plants as an animation.
 fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<Vec<PathBuf>> {
-    placed::posed::animation(&Manifest::read(scene)?, from, last, step, &Ledger::new(), path)?;
+    placed::posed::animation(&with_plants(scene)?, from, last, step, &Ledger::new(), path)?;
     Ok(vec![path.to_path_buf()])
 }
 
 /// A scene's plants at rest, with textures of their pivots.
 fn pivots(scene: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
-    let manifest = Manifest::read(scene)?;
+    let manifest = with_plants(scene)?;
     claim::folder(folder, claim::Kind::Pivots, &[scene])?;
     let plant = placed::posed::resting(&manifest, &Ledger::new())?;
     claim::begin(folder, claim::Kind::Pivots)?;

@@ -1,10 +1,10 @@
 //! Meadows and rays that are hard for slices: whether the opacity along a ray stays a share, and whether it is right.
 
 use crate::stress::StressRow;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use mesophyll_fit_grass::blades::Meadow;
 use mesophyll_fit_grass::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
-use mesophyll_fit_grass::march::Slices;
+use mesophyll_fit_grass::march::{Slices, unleant};
 use mesophyll_fit_grass::sheet::{CHANNELS, Edges, Sheet};
 use mesophyll_fit_grass::{Options, baked, optics, weights};
 use mesophyll_flora::grow::meadow;
@@ -138,6 +138,19 @@ pub fn rows() -> Vec<StressRow> {
             let to = towards(5.0, 20.0);
             let right = coverage_of_blades(&meadow, rays, to);
             Ok([coverage_of_slices(&s, rays, to), right, 0.25 * right])
+        }),
+        row("a wind that leans all by 45°: as a ray that is leant the other way", "ok", || {
+            let (_, s) = small(8)?;
+            let (lean, origin, d) = (DVec2::new(0.6, -0.8), middle(&s), -towards(50.0, 20.0));
+            let found = s.march_leaning(origin, d, 1000, 0.0, |_| lean, |_, _| [0.0; 3]).opacity;
+            Ok([found, opacity(&s, unleant(origin, lean), unleant(d, lean), 1000)?, 1e-12])
+        }),
+        row("gusts that turn from slice to slice: opacity stays a share", "ok", || {
+            let (_, s) = small(8)?;
+            let lean = |at: DVec2| DVec2::new((0.9 * at.x).sin(), (1.1 * at.y).cos());
+            let top = DVec3::new(3.0, 4.0, s.height);
+            let found = s.march_leaning(top, -towards(30.0, 20.0), 1000, 0.0, lean, |_, t| [t[1], t[2], t[3]]);
+            Ok([found.opacity.max(found.colour[0]), 0.5, 0.5])
         }),
         row("zero height: no blade stands", "refused: lawn.toml: no blade stands above the ground", || {
             lawn(0.0, [100.0, 100.0]).map(|_| [0.0; 3])

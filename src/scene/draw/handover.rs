@@ -90,9 +90,12 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     for lawn in &placed.grass {
         let slices = lawn.slices(manifest, ledger)?;
         let soil = placed.ground.as_ref().map_or([0.0; 3], |(_, albedo)| *albedo);
-        let drawn = ledger.note("make", format!("{}: light in the lawn", lawn.name), 0, || {
+        let mut drawn = ledger.note("make", format!("{}: light in the lawn", lawn.name), 0, || {
             grass::lawn(lawn, &slices, soil, manifest.grass[lawn.index].steps)
         });
+        if !placed.free && !scene.plan.light.sun_moves && !grass::seen_from_above(lawn, &slices, manifest) {
+            drawn.level = None;
+        }
         out.grass.push(std::sync::Arc::new(drawn));
     }
     if placed.moves().grass {
