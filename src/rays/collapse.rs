@@ -31,7 +31,7 @@ pub(crate) struct WideNode {
 
 /// Share of the nodes that are taken out and put back where they cost less. More of it makes trees a few per cent
 /// faster, and slower to build.
-const REINSERTED: f32 = 0.1;
+const REINSERTED: f32 = 0.3;
 
 /// How much larger boxes may become, in a frame from −1 to 1.
 const LIKE: f32 = 1e-6;

@@ -4,7 +4,7 @@ use crate::arena::Tree;
 use crate::frame::Bounds;
 use crate::lanes::{Lanes, Level, dispatch};
 use crate::ray::Ray;
-use crate::shape::Shape;
+use crate::shape::{Met, Shape};
 use crate::walk::{Local, Visit, walk};
 use glam::{DAffine3, DMat4, DVec3};
 
@@ -95,10 +95,12 @@ impl Forest {
     ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let farthest = limit;
-        self.search(ray, limit, |instance, triangle, t, barycentric, limit| {
+        self.search::<false, _>(ray, limit, |instance, met, limit| {
+            let Met { t, barycentric, solid, .. } = met;
+            let triangle = met.triangle as usize;
             let hit = Hit { t, instance, triangle, barycentric };
             let first = t < farthest && best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
-            if first && accept(instance, triangle, barycentric) {
+            if first && (solid || accept(instance, triangle, barycentric)) {
                 *limit = t;
                 best = Some(hit);
             }
@@ -114,53 +116,61 @@ impl Forest {
 
     /// Whether anything that `accept` lets pass lies at 0 < t < `limit`.
     pub fn blocked_within(&self, ray: &Ray, limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
-        self.search(ray, limit, |instance, triangle, t, barycentric, _| {
-            t < limit && accept(instance, triangle, barycentric)
+        self.search::<true, _>(ray, limit, |instance, met, _| {
+            met.t < limit && (met.solid || accept(instance, met.triangle as usize, met.barycentric))
         })
     }
 
-    /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it.
-    fn search<F: Found>(&self, ray: &Ray, limit: f64, found: F) -> bool {
+    /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it; with `ANY` also until a solid triangle
+    /// is met for sure with t < limit.
+    fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: F) -> bool {
         let forest = self;
-        dispatch!(self.level, [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: F) -> bool)
+        dispatch!(self.level, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: F) -> bool)
     }
 }
 
-/// What is done with a hit: takes instance, triangle, t, barycentric coordinates and the limit, which it may lower;
-/// true ends the search.
-trait Found: FnMut(usize, usize, f64, [f64; 2], &mut f64) -> bool {}
+/// What is done with a hit: takes the instance, what is met of it and the limit, which it may lower; true ends the
+/// search.
+trait Found: FnMut(usize, Met, &mut f64) -> bool {}
 
-impl<F: FnMut(usize, usize, f64, [f64; 2], &mut f64) -> bool> Found for F {}
+impl<F: FnMut(usize, Met, &mut f64) -> bool> Found for F {}
 
 #[inline(always)]
-fn search<L: Lanes, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, mut found: F) -> bool {
+fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, mut found: F) -> bool {
     if forest.placed.len() == 1 {
         // A single instance needs no tree above its own.
-        return enter::<L>(forest, 0, ray, 0.0, &mut limit, &mut found);
+        return enter::<L, ANY>(forest, 0, ray, 0.0, &mut limit, &mut found);
     }
     let Some(local) = Local::<L>::new(ray, 0.0, &forest.tree.frame, &forest.tree.bounds) else { return false };
-    walk(&forest.tree, &local, &mut limit, &mut Instances { forest, ray, found })
+    walk(&forest.tree, &local, &mut limit, &mut Instances::<_, ANY> { forest, ray, found })
 }
 
 /// Searches one instance.
 #[inline(always)]
-fn enter<L: Lanes>(forest: &Forest, k: usize, ray: &Ray, from: f64, limit: &mut f64, found: &mut impl Found) -> bool {
+fn enter<L: Lanes, const ANY: bool>(
+    forest: &Forest,
+    k: usize,
+    ray: &Ray,
+    from: f64,
+    limit: &mut f64,
+    found: &mut impl Found,
+) -> bool {
     let instance = &forest.placed[k];
     let local = ray.through(&instance.to_local);
     let shape = &forest.shapes[instance.shape];
-    shape.meet::<L>(&local, from, limit, |triangle, t, b, limit| found(k, triangle as usize, t, b, limit))
+    shape.meet::<L, ANY>(&local, from, limit, |met, limit| found(k, met, limit))
 }
 
 /// Tries the instance of a leaf.
-struct Instances<'a, F> {
+struct Instances<'a, F, const ANY: bool> {
     forest: &'a Forest,
     ray: &'a Ray,
     found: F,
 }
 
-impl<L: Lanes, F: Found> Visit<L> for Instances<'_, F> {
+impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Instances<'_, F, ANY> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, local: &Local<L>, near: f32, _: f32, limit: &mut f64) -> bool {
-        enter::<L>(self.forest, code as usize, self.ray, local.t(near), limit, &mut self.found)
+        enter::<L, ANY>(self.forest, code as usize, self.ray, local.t(near), limit, &mut self.found)
     }
 }

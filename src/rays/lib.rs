@@ -7,7 +7,8 @@
 //! Boxes and a first look at the triangles are in f32, eight at a time. Both are conservative: boxes are rounded
 //! outwards, and the first look lets every triangle pass that rounding leaves in doubt. What passes is decided in f64
 //! ([`triangle`]), so that the result is that of the f64 test on every triangle, and the f32 part only saves time. A
-//! test compares the two.
+//! test compares the two. Triangles of which every point counts are *solid*: where f32 is sure that one is met, a search
+//! for anything at all ends there, and a search for the nearest decides it at the end of the walk ([`shape`]).
 //!
 //! Units are the caller's: each tree works in a frame of its own where its box spans −1 to 1 ([`frame`]), so lengths
 //! may be of any size.

@@ -1,7 +1,7 @@
 //! Triangles: the f64 test that decides, and packets of eight in f32 that say which triangles need it.
 
 use crate::arena::{EMPTY, Line, Row};
-use crate::frame::{Frame, above};
+use crate::frame::Frame;
 use crate::lanes::{Lanes, WIDTH};
 use crate::ray::Ray;
 use crate::walk::Local;
@@ -82,29 +82,31 @@ fn area(x1: f64, y1: f64, x2: f64, y2: f64) -> f64 {
     }
 }
 
-/// Lines of a packet: rows of a corner (x, y, z), two edges, the longest edge component, and which triangles they are.
-pub(crate) const PACKET: usize = 6;
+/// Lines of a packet: rows of a corner (x, y, z), two edges, and which triangles they are.
+pub(crate) const PACKET: usize = 5;
 
-/// Adds a packet of up to eight triangles, of which `ids` says which they are in `triangles`.
+/// Marks the number of a solid triangle in a packet: every point of it counts, whatever a caller may ask of others.
+pub(crate) const SOLID: u32 = 1 << 31;
+
+/// Adds a packet of up to eight triangles, of which `ids` says which they are in `triangles` and which are [`SOLID`].
 pub(crate) fn pack(frame: &Frame, triangles: &[Triangle], ids: &[u32], lines: &mut Vec<Line>) -> u32 {
     let at = lines.len();
     lines.resize(at + PACKET, EMPTY);
     let mut set = |row: usize, lane: usize, bits: u32| lines[at + row / 2].0[row % 2][lane] = bits;
     for lane in 0..WIDTH {
-        // A lane that is free has a size that is no number, and no comparison with it holds.
+        // A lane that is free has edges that are no numbers, and no comparison with them holds.
         let Some(&id) = ids.get(lane) else {
-            set(9, lane, f32::NAN.to_bits());
+            (3..9).for_each(|row| set(row, lane, f32::NAN.to_bits()));
             continue;
         };
-        let [a, b, c] = triangles[id as usize].map(|p| frame.point(DVec3::from(p)));
+        let [a, b, c] = triangles[(id & !SOLID) as usize].map(|p| frame.point(DVec3::from(p)));
         let edges = [b - a, c - a];
         for axis in 0..3 {
             set(axis, lane, (a[axis] as f32).to_bits());
             set(3 + axis, lane, (edges[0][axis] as f32).to_bits());
             set(6 + axis, lane, (edges[1][axis] as f32).to_bits());
         }
-        set(9, lane, above(edges[0].abs().max(edges[1].abs()).max_element()).to_bits());
-        set(10, lane, id);
+        set(9, lane, id);
     }
     at as u32
 }
@@ -129,8 +131,21 @@ impl<L: Lanes> Tolerance<L> {
     }
 }
 
-/// Which triangles of a packet the f64 test may accept, a bit each, and their numbers: Möller & Trumbore 1997 without
-/// its division, in f32.
+/// What the f32 test says of a packet, a bit or a lane for each of its triangles.
+pub(crate) struct Candidates<'a, L> {
+    /// Which the f64 test may accept with 0 < t ≤ limit.
+    pub lanes: u32,
+    /// Which of them it accepts for sure with t > 0.
+    pub sure: u32,
+    /// Which of those it accepts for sure with t < limit.
+    pub within: u32,
+    /// The s of a sure one is not larger than this.
+    pub farthest: L,
+    /// Their numbers, and whether they are [`SOLID`].
+    pub ids: &'a Row,
+}
+
+/// Which triangles of a packet the f64 test may accept: Möller & Trumbore 1997 without its division, in f32.
 ///
 /// Every triangle that the f64 test accepts with 0 < t ≤ limit passes. Let u = 2⁻²⁴, E the longest component of the
 /// triangle's edges, and R that of the ray's origin; corners and the direction have components of at most 1. Rounding
@@ -139,10 +154,17 @@ impl<L: Lanes> Tolerance<L> {
 /// sum, 64 u (1+R) E² for T > 0, 64 u (1+R+limit) E² for T ≤ limit·D. Where |D| is at most 64 u E², its sign is not
 /// sure; such triangles are seen edge-on, and t is then left to the f64 test. The term 1e-30 holds where products
 /// underflow.
+///
+/// By the same bounds a triangle whose edge functions and T are positive by more than their tolerances is met for sure,
+/// at an s of at most (T + 64 u (1+R) E²)/(D − 64 u E²).
 #[inline(always)]
-pub(crate) fn candidates<'a, L: Lanes>(local: &Local<L>, limit: L, lines: &'a [Line; PACKET]) -> (u32, &'a Row) {
-    let (corner, first, second, size) =
-        (rows::<L>(lines, 0), rows::<L>(lines, 3), rows::<L>(lines, 6), row::<L>(lines, 9));
+pub(crate) fn candidates<'a, L: Lanes>(
+    local: &Local<L>,
+    limit: L,
+    lines: &'a [Line; PACKET],
+) -> Option<Candidates<'a, L>> {
+    let (corner, first, second) = (rows::<L>(lines, 0), rows::<L>(lines, 3), rows::<L>(lines, 6));
+    let size = longest(first).max(longest(second)).mul(L::splat(1.0 + 2.0 * U));
     let zero = L::splat(0.0);
     let p = cross(local.direction, second);
     let det = dot(first, p);
@@ -156,16 +178,25 @@ pub(crate) fn candidates<'a, L: Lanes>(local: &Local<L>, limit: L, lines: &'a [L
     let b0 = det.sub(b1).sub(b2);
     let tiny = L::splat(1e-30);
     let tolerance = size.mul_add(size.mul_add(L::splat(128.0 * U), local.tolerance.edge), tiny);
-    let inside = zero.at_most(b0.min(b1).min(b2).add(tolerance));
+    let least = b0.min(b1).min(b2);
+    let inside = zero.at_most(least.add(tolerance));
     if inside == 0 {
-        return (0, &lines[5].0[0]);
+        return None;
     }
     let t = dot(second, q).flip(sign);
     let unit = size.mul(size).mul(L::splat(64.0 * U));
-    let ahead = zero.at_most(unit.mul_add(local.tolerance.reach, t.add(tiny)));
-    let near = t.at_most(limit.mul_add(det, unit.mul_add(local.tolerance.reach.add(limit), tiny)));
+    let slack = unit.mul_add(local.tolerance.reach, tiny);
+    let ahead = zero.at_most(t.add(slack));
+    let slack_at_limit = unit.mul_add(local.tolerance.reach.add(limit), tiny);
+    let at_limit = limit.mul(det);
+    let near = t.at_most(at_limit.add(slack_at_limit));
     let thin = det.at_most(unit);
-    (inside & (thin | (ahead & near)), &lines[5].0[0])
+    let lanes = inside & (thin | (ahead & near));
+    let sure = lanes & !thin & tolerance.at_most(least) & slack.at_most(t);
+    let within = sure & t.add(slack_at_limit).at_most(at_limit);
+    // Three roundings, and room for as many again.
+    let farthest = t.add(slack).div(det.sub(unit)).mul(L::splat(1.0 + 8.0 * U));
+    Some(Candidates { lanes, sure, within, farthest, ids: &lines[4].0[1] })
 }
 
 // These are functions and not closures so that they are compiled for the instruction set of their caller.
@@ -177,6 +208,11 @@ fn row<L: Lanes>(lines: &[Line; PACKET], k: usize) -> L {
 #[inline(always)]
 fn rows<L: Lanes>(lines: &[Line; PACKET], k: usize) -> [L; 3] {
     [row(lines, k), row(lines, k + 1), row(lines, k + 2)]
+}
+
+#[inline(always)]
+fn longest<L: Lanes>([x, y, z]: [L; 3]) -> L {
+    x.abs().max(y.abs()).max(z.abs())
 }
 
 #[inline(always)]

@@ -153,15 +153,20 @@ struct Waiting {
     near: f32,
 }
 
-/// As many children wait in the processor's stack; trees of 18 levels need no more.
+/// As many children can wait in the processor's stack; trees of 9 levels need no more, and trees of 18. The smaller the
+/// array, the less has to be cleared for a ray.
+const FEW: usize = 64;
 const USUAL: usize = 128;
 
 /// Visits the leaves whose boxes the ray meets before `limit`, near ones first. True when a visit ended it.
 #[inline(always)]
 pub(crate) fn walk<L: Lanes>(tree: &Tree, ray: &Local<L>, limit: &mut f64, visitor: &mut impl Visit<L>) -> bool {
-    let mut usual = [Waiting::default(); USUAL];
-    let mut many;
-    let waiting: &mut [Waiting] = if tree.waiting <= USUAL {
+    let (mut few, mut usual, mut many);
+    let waiting: &mut [Waiting] = if tree.waiting <= FEW {
+        few = [Waiting::default(); FEW];
+        &mut few
+    } else if tree.waiting <= USUAL {
+        usual = [Waiting::default(); USUAL];
         &mut usual
     } else {
         many = vec![Waiting::default(); tree.waiting];
@@ -172,7 +177,7 @@ pub(crate) fn walk<L: Lanes>(tree: &Tree, ray: &Local<L>, limit: &mut f64, visit
 
 /// The lane of the lowest bit, which is taken away.
 #[inline(always)]
-fn next(hits: &mut u32) -> usize {
+pub(crate) fn next(hits: &mut u32) -> usize {
     let lane = hits.trailing_zeros() as usize & 7;
     *hits &= hits.wrapping_sub(1);
     lane
@@ -189,7 +194,7 @@ fn walk_with<L: Lanes>(
     if tree.lines.is_empty() {
         return false;
     }
-    let fetch = |code: u32| prefetch(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
+    let fetch = |code: u32| prefetch::<NODE, _>(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
     let mut s = ray.s(*limit);
     let mut count = 0;
     let mut current = Waiting::default();

@@ -59,9 +59,27 @@ fn axis(u: f64, size: usize) -> (usize, usize, f64) {
     (i, (i + 1).min(size - 1), x - i as f64)
 }
 
+/// The texels that points from `low` to `high` look up along one axis.
+pub fn texels(low: f64, high: f64, size: usize) -> std::ops::RangeInclusive<usize> {
+    axis(low, size).0..=axis(high, size).1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Every texel that counts at a point between lies in the range, and the range goes no further than one beyond.
+    #[test]
+    fn texels_between_two_places() {
+        for (low, high) in [(0.0, 1.0), (0.3, 0.31), (0.124, 0.126), (-2.0, 0.1), (0.9, 3.0)] {
+            let range = texels(low, high, 8);
+            for k in 0..=1000 {
+                let (i, j, _) = axis(low + (high - low) * f64::from(k) / 1000.0, 8);
+                assert!(range.contains(&i) && range.contains(&j), "{low} {high} {i} {j} {range:?}");
+            }
+        }
+        assert_eq!(texels(0.3, 0.31, 8), 1..=2);
+    }
 
     #[test]
     fn centres_edges_and_between() {

@@ -5,7 +5,7 @@
 
 use super::accelerate::{Forest, Hit, Ray, Shape};
 use super::foliar::Foliar;
-use super::lookup::Taps;
+use super::lookup::{Taps, texels};
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
@@ -35,7 +35,8 @@ pub(super) enum SideBy {
 impl<'a> Stage<'a> {
     /// `world` must have been validated.
     pub fn new(world: &'a World) -> Stage<'a> {
-        let shapes = world.leaves.iter().map(|l| Shape::new(&l.mesh.positions, &l.mesh.indices)).collect();
+        let shape = |l: &ReferenceLeaf| Shape::with_solid(&l.mesh.positions, &l.mesh.indices, |t| solid(l, t));
+        let shapes = world.leaves.iter().map(shape).collect();
         let mut placed: Vec<_> = world.instances.iter().map(|p| (p.leaf, p.transform)).collect();
         let mut instance: Vec<usize> = (0..placed.len()).collect();
         if let Some(size) = world.periodic {
@@ -375,6 +376,18 @@ fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [usize; 3] {
 fn texture_point(leaf: &ReferenceLeaf, triangle: usize, barycentric: [f64; 2]) -> DVec2 {
     let [a, b, c] = corners(leaf, triangle).map(|k| leaf.mesh.uvs[k]);
     a + (b - a) * barycentric[0] + (c - a) * barycentric[1]
+}
+
+/// Whether [`Stage::on_leaf`] holds at every point of a triangle: all texels that its points may look up are on.
+fn solid(leaf: &ReferenceLeaf, triangle: usize) -> bool {
+    if leaf.mesh.discs {
+        return false;
+    }
+    let Some(mask) = &leaf.mask else { return true };
+    let uvs = corners(leaf, triangle).map(|k| leaf.mesh.uvs[k]);
+    let (low, high) = (uvs[0].min(uvs[1]).min(uvs[2]), uvs[0].max(uvs[1]).max(uvs[2]));
+    let (columns, rows) = (texels(low.x, high.x, leaf.width), texels(low.y, high.y, leaf.height));
+    rows.into_iter().all(|j| mask[j * leaf.width..][columns.clone()].iter().all(|on| *on != 0))
 }
 
 fn reflectance(side: &ReferenceSide, taps: &Taps) -> [f64; 3] {

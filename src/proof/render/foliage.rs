@@ -61,7 +61,7 @@ impl Foliage {
         for _ in 0..LEAVES {
             leaf(&mut rng, &mut positions, &mut indices);
         }
-        let forest = Forest::new(vec![Shape::new(&positions, &indices)], &[(0, DMat4::IDENTITY)]);
+        let forest = Forest::new(vec![Shape::with_solid(&positions, &indices, |_| true)], &[(0, DMat4::IDENTITY)]);
         let camera = camera();
         let sun = DVec3::new(0.4, -0.3, 0.86).normalize();
         let (mut incoherent, mut shadow) = (Vec::new(), Vec::new());

@@ -19,14 +19,22 @@ pub(crate) trait Lanes: Copy {
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// self·b − c, rounded once or twice.
     fn mul_sub(self, b: Self, c: Self) -> Self;
+    fn div(self, o: Self) -> Self;
     fn min(self, o: Self) -> Self;
     fn max(self, o: Self) -> Self;
+    /// Without the sign.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.flip(self.sign())
+    }
     /// Only the sign bits.
     fn sign(self) -> Self;
     /// The sign bits of `o` turn those of self.
     fn flip(self, o: Self) -> Self;
     /// Where self ≤ o.
     fn at_most(self, o: Self) -> u32;
+    /// Where the sign bit is set.
+    fn signs(self) -> u32;
 }
 
 /// Any processor.
@@ -74,6 +82,10 @@ impl Lanes for Plain {
         self.mul(b).sub(c)
     }
     #[inline(always)]
+    fn div(self, o: Self) -> Self {
+        self.with(o, |a, b| a / b)
+    }
+    #[inline(always)]
     fn min(self, o: Self) -> Self {
         self.with(o, |a, b| if a < b { a } else { b })
     }
@@ -92,6 +104,10 @@ impl Lanes for Plain {
     #[inline(always)]
     fn at_most(self, o: Self) -> u32 {
         (0..WIDTH).fold(0, |mask, k| mask | u32::from(self.0[k] <= o.0[k]) << k)
+    }
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        (0..WIDTH).fold(0, |mask, k| mask | (self.0[k].to_bits() >> 31) << k)
     }
 }
 
@@ -123,11 +139,11 @@ impl Level {
     }
 }
 
-/// Asks the memory for 256 bytes that will soon be read.
+/// Asks the memory for `LINES` cache lines that will soon be read.
 #[inline(always)]
-pub(crate) fn prefetch<T>(from: *const T) {
+pub(crate) fn prefetch<const LINES: usize, T>(from: *const T) {
     #[cfg(target_arch = "x86_64")]
-    for line in 0..4 {
+    for line in 0..LINES {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         // SAFETY: a prefetch reads nothing that a program sees, whatever the address.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(from.cast::<i8>().wrapping_add(64 * line)) };
@@ -137,25 +153,30 @@ pub(crate) fn prefetch<T>(from: *const T) {
 }
 
 /// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `level`:
-/// `dispatch!(level, [generics] function(arg: Type, …) -> Return)`.
+/// `dispatch!(level, [flags], [generics] function(arg: Type, …) -> Return)`.
 macro_rules! dispatch {
-    ($level:expr, [$($generic:ident: $bound:path),*], $function:ident($($arg:ident: $type:ty),*) -> $ret:ty) => {{
+    (
+        $level:expr, [$($flag:ident),*], [$($generic:ident: $bound:path),*],
+        $function:ident($($arg:ident: $type:ty),*) -> $ret:ty
+    ) => {{
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma,bmi1")]
-            fn avx2<$($generic: $bound),*>($($arg: $type),*) -> $ret {
-                $function::<$crate::lanes::Avx2, $($generic),*>($($arg),*)
+            fn avx2<$(const $flag: bool,)* $($generic: $bound),*>($($arg: $type),*) -> $ret {
+                $function::<$crate::lanes::Avx2, $($flag,)* $($generic),*>($($arg),*)
             }
             match $level {
                 // SAFETY: `Level::available` saw the instruction set on this processor.
-                $crate::lanes::Level::Avx2 => unsafe { avx2($($arg),*) },
-                $crate::lanes::Level::Plain => $function::<$crate::lanes::Plain, $($generic),*>($($arg),*),
+                $crate::lanes::Level::Avx2 => unsafe { avx2::<$($flag,)* $($generic),*>($($arg),*) },
+                $crate::lanes::Level::Plain => {
+                    $function::<$crate::lanes::Plain, $($flag,)* $($generic),*>($($arg),*)
+                }
             }
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
             let _ = $level;
-            $function::<$crate::lanes::Plain, $($generic),*>($($arg),*)
+            $function::<$crate::lanes::Plain, $($flag,)* $($generic),*>($($arg),*)
         }
     }};
 }

@@ -45,6 +45,10 @@ impl Lanes for Avx2 {
         Avx2(unsafe { _mm256_fmsub_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
+    fn div(self, o: Self) -> Self {
+        Avx2(unsafe { _mm256_div_ps(self.0, o.0) })
+    }
+    #[inline(always)]
     fn min(self, o: Self) -> Self {
         Avx2(unsafe { _mm256_min_ps(self.0, o.0) })
     }
@@ -63,5 +67,9 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn at_most(self, o: Self) -> u32 {
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0)) as u32 }
+    }
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        unsafe { _mm256_movemask_ps(self.0) as u32 }
     }
 }

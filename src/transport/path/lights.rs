@@ -81,6 +81,16 @@ impl Lights {
         if self.sun.is_some() && constant { 1.0 } else { self.sun_share }
     }
 
+    /// Whether [`Lights::draw`] ever gives a direction.
+    pub fn drawn(&self, strategy: Strategy) -> bool {
+        let sky = match &self.sky {
+            Sky::None => false,
+            Sky::Constant(_) => strategy == Strategy::Lights,
+            Sky::Varying { .. } => true,
+        };
+        strategy != Strategy::Surfaces && (self.sun.is_some() || sky)
+    }
+
     /// Draws a direction by four uniform numbers.
     pub fn draw(&self, [choice, u, v, _]: [f64; 4], strategy: Strategy) -> Option<Light> {
         let share = self.sun_share(strategy);

@@ -161,12 +161,14 @@ impl<'a> Tracer<'a> {
         };
         brought.met = true;
         let mut carried = [1.0; 3];
+        let by_lights = self.lights.drawn(strategy);
         for turned in 1..=most {
             let surface = self.stage.surface(&met, SideBy::Triangle);
             let scatter = Scatter::new(&self.stage, &surface, carried, surface.rho_t());
-            if strategy != Strategy::Surfaces
-                && let Some(light) = self.lights.draw(samples.next(), strategy)
-            {
+            if !by_lights {
+                // A turn's numbers are its own, whether lights are drawn or not.
+                samples.skip();
+            } else if let Some(light) = self.lights.draw(samples.next(), strategy) {
                 let l = light.direction;
                 let f = if light.sun { scatter.times_cosine_of_sun(l) } else { scatter.times_cosine(l) };
                 if f.iter().any(|x| *x > 0.0) && !self.stage.blocked(&self.stage.leave(surface.point, surface.flat, l))

@@ -25,6 +25,11 @@ impl Samples {
         Samples { seed, index, set: 0 }
     }
 
+    /// Passes by four numbers that nobody needs.
+    pub fn skip(&mut self) {
+        self.set += 1;
+    }
+
     /// Four numbers in [0, 1).
     pub fn next(&mut self) -> [f64; 4] {
         let fine = mix(u64::from(self.seed) << 32 | u64::from(self.index), u64::from(self.set));

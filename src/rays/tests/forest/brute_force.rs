@@ -1,6 +1,6 @@
 //! What trees find is what is found without them.
 
-use crate::common::{EVERY, alone, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup};
+use crate::common::{EVERY, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup, variants};
 use glam::{DMat4, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use proptest::prelude::*;
@@ -15,7 +15,8 @@ fn thirds(positions: &[DVec3]) -> Vec<[DVec3; 3]> {
 fn instances_are_met_where_brute_force_meets_them() {
     let mut rng = seeded(3);
     let meshes: Vec<_> = (0..2).map(|_| soup(&mut rng, 40, 1.0, 0.6)).collect();
-    let shapes = meshes.iter().map(|m| Shape::new(m, &numbered(m))).collect();
+    let shapes =
+        meshes.iter().zip([false, true]).map(|(m, solid)| Shape::with_solid(m, &numbered(m), |_| solid)).collect();
     let (mut placed, mut world) = (Vec::new(), Vec::new());
     for k in 0..25 {
         let transform = placement(&mut rng, 4.0);
@@ -56,7 +57,7 @@ fn results_are_those_of_the_double_precision_test_at_any_scale() {
                 let shift = point(&mut rng, offset * scale);
                 let mesh: Vec<DVec3> = soup(&mut rng, 150, 1.0, size).iter().map(|p| *p * scale + shift).collect();
                 let triangles = thirds(&mesh);
-                let forests = levels(&alone(&mesh));
+                let forests = variants(&mesh);
                 for k in 0..60 {
                     let aim = triangles[k].iter().sum::<DVec3>() / 3.0 + point(&mut rng, 0.4 * size * scale);
                     let origin = match k % 4 {
@@ -78,6 +79,30 @@ fn results_are_those_of_the_double_precision_test_at_any_scale() {
     assert!(hits * 3 > rays, "{hits} of {rays}");
 }
 
+/// Where a caller accepts nothing, solid triangles are met all the same, and no others.
+#[test]
+fn solid_triangles_are_not_asked_for() {
+    let mut rng = seeded(9);
+    let mesh = soup(&mut rng, 200, 1.0, 0.5);
+    let triangles = thirds(&mesh);
+    let even: Vec<_> = triangles.iter().step_by(2).copied().collect();
+    let forests =
+        levels(&Forest::new(vec![Shape::with_solid(&mesh, &numbered(&mesh), |k| k % 2 == 0)], &[(0, DMat4::IDENTITY)]));
+    let mut hits = 0;
+    for _ in 0..1000 {
+        let origin = point(&mut rng, 2.0);
+        let ray = Ray::new(origin, point(&mut rng, 1.0) - origin);
+        let expected = one_by_one(&even, &ray);
+        hits += usize::from(expected.is_some());
+        for forest in &forests {
+            let found = forest.nearest(&ray, |_, _, _| false).map(|h| (h.triangle, h.t));
+            assert_eq!(found, expected.map(|h| (2 * h.triangle, h.t)));
+            assert_eq!(forest.blocked(&ray, |_, _, _| false), expected.is_some());
+        }
+    }
+    assert!(hits > 300, "{hits}");
+}
+
 /// Rays that graze: in the plane of a triangle or nearly, along its edges, and along the axes.
 #[test]
 fn grazing_and_axis_parallel_rays() {
@@ -93,7 +118,7 @@ fn grazing_and_axis_parallel_rays() {
             }
         }
         let triangles = thirds(&mesh);
-        let forests = levels(&alone(&mesh));
+        let forests = variants(&mesh);
         for [a, b, c] in triangles.iter().take(12) {
             let tilt = 10f64.powi(-rng.random_range(3..18));
             let within = *a + (*b - *a) * 0.3 + (*c - *a) * 0.3;
@@ -134,7 +159,7 @@ proptest! {
         let at = |p: [i32; 3]| DVec3::from(p.map(f64::from)) * unit;
         let mesh: Vec<DVec3> = corners[..corners.len() / 3 * 3].iter().map(|p| at(*p)).collect();
         let triangles = thirds(&mesh);
-        for forest in levels(&alone(&mesh)) {
+        for forest in variants(&mesh) {
             for (origin, direction) in &rays {
                 let ray = Ray::new(at(*origin), DVec3::from(direction.map(f64::from)));
                 let expected = if ray.direction == DVec3::ZERO { None } else { one_by_one(&triangles, &ray) };

@@ -51,6 +51,14 @@ pub fn levels(forest: &Forest) -> Vec<Forest> {
     levels.into_iter().map(|level| forest.clone().at_level(level)).collect()
 }
 
+/// One mesh of separate triangles where it lies, at every level that the processor has, with no triangle solid, with
+/// every other one, and with all.
+pub fn variants(positions: &[DVec3]) -> Vec<Forest> {
+    let solid: [fn(usize) -> bool; 3] = [|_| false, |k| k % 2 == 0, |_| true];
+    let shape = |which: fn(usize) -> bool| Shape::with_solid(positions, &numbered(positions), which);
+    solid.into_iter().flat_map(|which| levels(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)]))).collect()
+}
+
 /// The first triangle that solving a 3×3 system for each of them gives, and its t.
 pub fn by_solving(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
