@@ -18,7 +18,9 @@ pub use grass::Grass;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
-pub use plant::{Branch, Cluster, Flutter, Ground, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Tree, Wind};
+pub use plant::{
+    Branch, Cluster, Flutter, GRAINS_A_TILE, Ground, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Tree, Wind,
+};
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
 pub(crate) use mesophyll_error::{Error, Result};

@@ -1,7 +1,7 @@
 //! Where leaves stand: single ones, on branches, on a twig, in a crown.
 
 use super::place::Place;
-use crate::{MOST_LEAF_RESONANCE, Matter, Result};
+use crate::{GRAINS_A_TILE, MOST_LEAF_RESONANCE, Matter, Result};
 
 /// More leaves than this are likelier a typing error than a wish.
 const MOST_LEAVES: usize = 100_000;
@@ -70,6 +70,17 @@ pub fn placements(p: &Place) -> Result<()> {
             (None, Some(_)) => {}
         }
         p.finite(HEADER, 0, "height_mm", &[ground.height_mm])?;
+        if let Some(grain) = ground.grain_mm {
+            let across = m.periodic.as_ref().map(|p| p.size_mm[0].max(p.size_mm[1]));
+            let across = across.or(ground.reach_mm.map(|r| 2.0 * r)).unwrap_or_default();
+            // At most 256 × 256 squares.
+            p.range(HEADER, 0, "grain_mm", grain, [across / (256.0 * GRAINS_A_TILE), 1e6], "mm")?;
+            p.range(HEADER, 0, "contrast", ground.contrast, [0.0, 1.0], "")?;
+            if m.transfer.is_some() {
+                let why = "given beside a [transfer], for which the ground is even";
+                return Err(p.error(HEADER, 0, "grain_mm", why));
+            }
+        }
     }
     if let Some(periodic) = &m.periodic {
         for size in periodic.size_mm {

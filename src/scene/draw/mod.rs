@@ -14,6 +14,7 @@ pub mod reference;
 pub mod scanned;
 #[cfg(feature = "render")]
 pub mod sections;
+pub mod soil;
 pub mod sunlit;
 #[cfg(feature = "render")]
 pub mod true_leaf;

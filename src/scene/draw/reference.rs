@@ -3,8 +3,8 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
-use super::grass;
 use super::sunlit::{relight, relight_everywhere};
+use super::{grass, soil};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
@@ -94,6 +94,13 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
     relight_everywhere(&mut out, scene)?;
     out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
+    if let Some((k, ground)) = out.ground.zip(scene.manifest.ground.as_ref()) {
+        let size = out.periodic.unwrap_or([2.0 * ground.reach_mm.unwrap_or_default(); 2]);
+        if let Some(leaf) = soil::leaf(ground, size) {
+            let of = out.instances[k].leaf;
+            out.leaves[of] = leaf;
+        }
+    }
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
         let path = scene.manifest.resolve(file);
         let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());

@@ -1,0 +1,172 @@
+//! A ground with a grain: soil, clods and old leaves of many sizes, made up from noise, for the path tracer.
+//!
+//! The pattern is a square tile that repeats without a seam. Its logarithm is the sum of value noise in octaves (Perlin
+//! 1985, "An image synthesizer") and of flat ellipses that stand for old leaves and stones. Each channel's mean is the
+//! ground's albedo, so that the light that the ground sends back is on average that of the plain one.
+
+use super::reference::{black, mesh};
+use glam::{DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_manifest::{GRAINS_A_TILE, Ground};
+use mesophyll_transport::{self as transport, lobe};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Texels along a side of the tile.
+const TEXELS: usize = 1024;
+/// Cells of the coarsest noise along a side of the tile; each octave has twice as many and a weight of this share.
+const COARSEST: usize = 8;
+const OCTAVES: usize = 7;
+const SHARE: f64 = 0.75;
+/// Old leaves and stones a square of one grain.
+const LITTER: f64 = 0.5;
+/// How much more red and less blue what is lit has than the mean: wet soil is darker and bluer.
+const TINT: [f64; 3] = [1.15, 1.0, 0.8];
+
+/// The ground as a leaf of the world, `size` mm wide and deep; `None` where it has no grain.
+pub fn leaf(ground: &Ground, size: [f64; 2]) -> Option<transport::ReferenceLeaf> {
+    let grain = ground.grain_mm?;
+    let mut front = black(TEXELS * TEXELS);
+    if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
+        *rho_d = albedo(ground.albedo, ground.contrast);
+    }
+    Some(transport::ReferenceLeaf {
+        mesh: mesh(&tiles(size, grain * GRAINS_A_TILE, ground.height_mm)),
+        width: TEXELS,
+        height: TEXELS,
+        front,
+        back: black(TEXELS * TEXELS),
+        mask: None,
+        lobe: lobe::Lobe::Beckmann,
+    })
+}
+
+/// Squares of about this width beside each other, each with the whole tile.
+fn tiles(size: [f64; 2], width: f64, height: f64) -> LeafMesh {
+    let count = size.map(|s| (s / width).ceil().max(1.0) as usize);
+    let step = DVec2::new(size[0] / count[0] as f64, size[1] / count[1] as f64);
+    let mut out = LeafMesh::default();
+    for j in 0..count[1] {
+        for i in 0..count[0] {
+            let first = out.positions.len() as u32;
+            for (u, v) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
+                let at = step * DVec2::new((i + u) as f64, (j + v) as f64) - 0.5 * DVec2::from(size);
+                out.positions.push(at.extend(height));
+                out.uvs.push(DVec2::new(u as f64, 1.0 - v as f64));
+            }
+            out.indices.extend([0, 1, 2, 0, 2, 3].map(|k| first + k));
+        }
+    }
+    out.normals = vec![DVec3::Z; out.positions.len()];
+    out.tangents = vec![(DVec3::X, 1.0); out.positions.len()];
+    out
+}
+
+/// The tile's reflectance, a map a channel; its logarithm has about the standard deviation `contrast`.
+fn albedo(mean: [f64; 3], contrast: f64) -> [Vec<f32>; 3] {
+    let mut pattern = vec![0.0; TEXELS * TEXELS];
+    let mut rng = Pcg64::seed_from_u64(11);
+    noise(&mut pattern, &mut rng);
+    litter(&mut pattern, &mut rng);
+    let count = pattern.len() as f64;
+    let middle = pattern.iter().sum::<f64>() / count;
+    let spread = (pattern.iter().map(|v| (v - middle).powi(2)).sum::<f64>() / count).sqrt();
+    pattern.iter_mut().for_each(|v| *v = contrast * (*v - middle) / spread);
+    [0, 1, 2].map(|c| {
+        let mut map: Vec<f64> = pattern.iter().map(|v| (TINT[c] * v).exp()).collect();
+        // Twice: what is cut at 1 is missing from the mean.
+        for _ in 0..2 {
+            let scale = mean[c] * count / map.iter().sum::<f64>().max(1e-300);
+            map.iter_mut().for_each(|v| *v = (*v * scale).min(1.0));
+        }
+        map.into_iter().map(|v| v as f32).collect()
+    })
+}
+
+/// Adds value noise in octaves; it repeats with the tile.
+fn noise(pattern: &mut [f64], rng: &mut Pcg64) {
+    let mut weight = 1.0;
+    for octave in 0..OCTAVES {
+        let cells = COARSEST << octave;
+        let values: Vec<f64> = (0..cells * cells).map(|_| rng.random::<f64>() - 0.5).collect();
+        let at = |k: usize| {
+            let x = (k as f64 + 0.5) * cells as f64 / TEXELS as f64;
+            let t = x.fract();
+            (x as usize % cells, (x as usize + 1) % cells, t * t * (3.0 - 2.0 * t))
+        };
+        for (j, row) in pattern.chunks_mut(TEXELS).enumerate() {
+            let (a, b, v) = at(j);
+            for (i, value) in row.iter_mut().enumerate() {
+                let (c, d, u) = at(i);
+                let along = |row: usize| values[row * cells + c] * (1.0 - u) + values[row * cells + d] * u;
+                *value += weight * (along(a) * (1.0 - v) + along(b) * v);
+            }
+        }
+        weight *= SHARE;
+    }
+}
+
+/// Lays flat ellipses about one grain long on the tile, each of one brightness and with a shadow along one side.
+fn litter(pattern: &mut [f64], rng: &mut Pcg64) {
+    let grain = TEXELS as f64 / GRAINS_A_TILE;
+    for _ in 0..(LITTER * GRAINS_A_TILE * GRAINS_A_TILE) as usize {
+        let centre = DVec2::new(rng.random::<f64>(), rng.random::<f64>()) * TEXELS as f64;
+        let size = grain * (0.25 + 0.5 * rng.random::<f64>());
+        let (along, slim) =
+            (DVec2::from_angle(std::f64::consts::TAU * rng.random::<f64>()), 0.3 + 0.4 * rng.random::<f64>());
+        let level = 1.6 * rng.random::<f64>() - 0.5;
+        let reach = (1.3 * size).ceil() as i64;
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let texel = [centre.x as i64 + dx, centre.y as i64 + dy];
+                let off = DVec2::new(texel[0] as f64 + 0.5, texel[1] as f64 + 0.5) - centre;
+                let inside = |p: DVec2| DVec2::new(p.dot(along), p.perp_dot(along) / slim).length() < 0.5 * size;
+                let [i, j] = texel.map(|k| k.rem_euclid(TEXELS as i64) as usize);
+                let value = &mut pattern[j * TEXELS + i];
+                if inside(off) {
+                    *value = 0.5 * *value + level;
+                } else if inside(off - DVec2::splat(0.12 * size)) {
+                    *value -= 0.8;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each channel's mean is the albedo, nothing reflects more than it gets, and neighbours across the tile's edge are
+    /// as like as neighbours within it.
+    #[test]
+    fn a_tile_has_its_mean_and_no_seam() {
+        let mean = [0.3, 0.2, 0.1];
+        let maps = albedo(mean, 0.4);
+        for (map, mean) in maps.iter().zip(mean) {
+            let found = map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
+            assert!((found - mean).abs() < 1e-3 * mean, "{found} {mean}");
+            assert!(map.iter().all(|v| (0.0..=1.0).contains(v)));
+            let spread = (map.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / map.len() as f64).sqrt();
+            assert!(spread > 0.2 * mean, "{spread}");
+            let apart = |a: usize, b: usize| {
+                (0..TEXELS).map(|j| f64::from(map[j * TEXELS + a] - map[j * TEXELS + b]).abs()).sum::<f64>()
+            };
+            assert!(apart(0, TEXELS - 1) < 1.5 * apart(500, 501), "{} {}", apart(0, TEXELS - 1), apart(500, 501));
+        }
+    }
+
+    /// The squares cover the ground and nothing else, face up.
+    #[test]
+    fn tiles_cover_the_ground() {
+        let mesh = tiles([1000.0, 700.0], 64.0, -3.0);
+        let area: f64 = (0..mesh.triangles())
+            .map(|t| {
+                let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
+                0.5 * (b - a).cross(c - a).z
+            })
+            .sum();
+        assert!((area - 7e5).abs() < 1e-6);
+        assert!(mesh.positions.iter().all(|p| p.x.abs() <= 500.0 && p.y.abs() <= 350.0 && p.z == -3.0));
+    }
+}
