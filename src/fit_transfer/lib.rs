@@ -17,7 +17,7 @@ mod tests;
 
 pub use layout::{Layout, OfLeaf};
 pub use store::{OPERATORS, Transfer};
-pub use sun::{SUN, Sun, SunMaps};
+pub use sun::{LiveSun, SUN, Sun, SunMaps};
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, write_exr};
@@ -63,6 +63,10 @@ pub struct Scene {
     pub sun: Option<Sun>,
 }
 
+/// Bytes of memory that an entry takes while it is worked out: its four numbers as they are traced, scaled, packed and
+/// read again.
+pub const BYTES_AN_ENTRY: u64 = 64;
+
 /// How entries are found: changes where the same scene gets other entries.
 const METHOD: &str = "Gaussian neighbourhoods of 32 points; wood by its triangles' middles; in units of the light";
 /// What the parts of this fit hold: changes where their format does.
@@ -96,7 +100,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let world = &*scene.world;
     let layout = maker.phase("anchors", || Ok(Layout::new(world, scene.leaves, &scene.seen, options)))?;
     let columns = options.columns.count();
-    let bytes = (layout.rows * columns) as u64 * 64;
+    let bytes = (layout.rows * columns) as u64 * BYTES_AN_ENTRY;
     memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
     let tracer = maker.phase("box trees", || Tracer::new(world, Paths::default()))?;
     let bar = progress::Bar::new("transfer", layout.anchors() as u64);

@@ -7,6 +7,7 @@ use mesophyll_record::{FitKind, FitRecord};
 use mesophyll_transport::transfer::Columns;
 use mesophyll_transport::world::World;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The file of all entries, in the order of the [`Layout`]'s rows, columns within a row, as lines of [`LINE`] pixels.
 pub const OPERATORS: &str = "operators.exr";
@@ -31,6 +32,8 @@ pub struct Transfer {
     pub entries: Vec<[f32; 4]>,
     /// The sun's shadows, where they were wanted.
     pub sun: Option<SunMaps>,
+    /// What stands in the scene, with the meshes that the anchors and the sun's shares belong to.
+    pub world: Arc<World>,
     /// What the fit says of itself.
     pub record: FitRecord,
 }
@@ -55,6 +58,7 @@ impl Transfer {
             scale,
             entries,
             sun: scene.sun.as_ref().map(|sun| sun.read(&folder.join(SUN))).transpose()?,
+            world: scene.world.clone(),
             record,
         }))
     }

@@ -11,7 +11,7 @@ use mesophyll_files::hash;
 use mesophyll_transport::visibility::{AreaLight, CodedMaps, Collector, Directions, Receivers, Shadows};
 use mesophyll_transport::world::World;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 
 /// The file of all maps.
 pub const SUN: &str = "sun.visibility";
@@ -39,6 +39,19 @@ pub struct SunMaps {
     pub receivers: Arc<Receivers>,
     /// What share of it is seen there, for every place of the sun.
     pub maps: CodedMaps,
+    light: AreaLight,
+}
+
+/// Maps of a sun that moves freely, made by a thread of their own while the picture before is still shown.
+#[derive(Debug)]
+pub struct LiveSun {
+    /// Towards the sun of the map that is wanted next; the thread ends where nobody can ask any more.
+    ask: mpsc::Sender<DVec3>,
+    made: mpsc::Receiver<(DVec3, Vec<u8>)>,
+    /// Asked for last.
+    wanted: DVec3,
+    /// How many that were asked for have not come.
+    waiting: bool,
 }
 
 impl Scene {
@@ -106,7 +119,7 @@ impl Sun {
             );
             return Err(Error::input(path, what));
         }
-        Ok(SunMaps { receivers: self.receivers.clone(), maps })
+        Ok(SunMaps { receivers: self.receivers.clone(), maps, light: self.light.clone() })
     }
 }
 
@@ -119,5 +132,48 @@ impl SunMaps {
         let mut out = vec![0; self.receivers.len()];
         self.maps.between(towards_sun, &mut out)?;
         Ok(out)
+    }
+}
+
+impl SunMaps {
+    /// Makes maps for wherever the sun is moved to; `world` is the one whose maps these are, and `shown` where the sun
+    /// of the map stands that is drawn now.
+    pub fn live(&self, world: Arc<World>, shown: DVec3) -> LiveSun {
+        let (ask, asked) = mpsc::channel::<DVec3>();
+        let (done, made) = mpsc::channel();
+        let (receivers, light) = (self.receivers.clone(), self.light.clone());
+        std::thread::spawn(move || {
+            // A world that cannot be looked at has no maps either; the one that is drawn stays.
+            let Ok(shadows) = Shadows::new(&world, &receivers, &light) else { return };
+            while let Ok(mut direction) = asked.recv() {
+                // Where the sun went on in the meantime, only its last place counts.
+                while let Ok(later) = asked.try_recv() {
+                    direction = later;
+                }
+                if done.send((direction, shadows.map(direction))).is_err() {
+                    return;
+                }
+            }
+        });
+        LiveSun { ask, made, wanted: shown, waiting: false }
+    }
+}
+
+impl LiveSun {
+    /// Asks for the map of a sun in this direction, where it is another one, and gives the last map that has come since
+    /// the call before: 255 times the share of the sun that every vertex sees, instance by instance.
+    pub fn follow(&mut self, towards_sun: DVec3) -> Option<Vec<u8>> {
+        if towards_sun != self.wanted {
+            self.wanted = towards_sun;
+            self.waiting = self.ask.send(towards_sun).is_ok();
+        }
+        let (direction, map) = self.made.try_iter().last()?;
+        self.waiting &= direction != self.wanted;
+        Some(map)
+    }
+
+    /// Whether the map of the sun that was asked for last is still being made.
+    pub fn is_waiting(&self) -> bool {
+        self.waiting
     }
 }

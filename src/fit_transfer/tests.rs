@@ -132,3 +132,35 @@ fn what_is_never_seen_has_no_rows() {
     // Of a leaf that is never seen one has rows all the same.
     assert_eq!(rows(&[false; 3]).1, entries[..one]);
 }
+
+/// A sun that moves freely gets the map that rays find for where it stands last, and asks for none where it stays.
+#[test]
+fn a_live_sun_has_the_map_of_its_last_place() {
+    use mesophyll_transport::visibility::{AreaLight, Shadows};
+    let (at, radius) = (DVec3::new(0.1, 0.0, 1.0), 0.02);
+    let (scene, dir) = (scene().under_sun(radius, &[at], 3.0).unwrap(), tempfile::tempdir().unwrap());
+    let options = Options { paths: 8, ..options(Columns::Harmonics(2)) };
+    run(&scene, &[], dir.path(), &options).unwrap();
+    let read = Transfer::open(dir.path(), &scene, &options).unwrap().unwrap();
+    let sun = read.sun.unwrap();
+    let mut live = sun.live(read.world.clone(), at);
+    assert!(live.follow(at).is_none() && !live.is_waiting());
+    for k in 1..4 {
+        live.follow(DVec3::new(0.1 + 0.3 * f64::from(k), 0.2, 1.0));
+    }
+    let last = DVec3::new(-0.9, 0.3, 0.8);
+    let mut found = live.follow(last);
+    let begun = std::time::Instant::now();
+    while live.is_waiting() && begun.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        found = live.follow(last).or(found);
+    }
+    let light = AreaLight::disk(radius, 64).unwrap();
+    let rays = Shadows::new(&read.world, &sun.receivers, &light).unwrap().by_rays(last);
+    let found = found.expect("no map came");
+    // Points of the disk that an edge just meets may differ: four of 64.
+    assert!(found.iter().zip(&rays).all(|(a, b)| a.abs_diff(*b) <= 16), "{found:?} {rays:?}");
+    let seen = |map: &[u8]| map.iter().filter(|v| **v > 128).count();
+    assert!(seen(&found) > rays.len() / 3 && seen(&found) < rays.len() * 9 / 10, "{}", seen(&found));
+    assert_ne!(found, sun.shares(at).unwrap());
+}

@@ -6,13 +6,14 @@ use crate::visibility::cluster::cluster;
 use glam::DVec3;
 use mesophyll_files::progress::Bar;
 use mesophyll_transport::path::{Paths, Tracer};
+use mesophyll_transport::transfer::anchors::{coarser, level, levels};
 use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Receiver, Request, Rows, Spot, measure};
 use mesophyll_transport::{ReferenceSun, World};
 use std::f64::consts::PI;
 use std::time::Instant;
 
 /// Steps of the sweep's bar.
-pub const PIECES: u64 = 4;
+pub const PIECES: u64 = 5;
 /// The leaves that are compared, and the step between the vertices of a leaf that are compared.
 const LEAVES: [usize; 3] = [3, 11, 20];
 const VERTICES: usize = 9;
@@ -20,6 +21,21 @@ const VERTICES: usize = 9;
 const MANY: u32 = 1 << 14;
 const SKY: f64 = 0.35;
 const SUN: f64 = 2.5;
+
+/// The grid whose chain of levels is looked at.
+const CHAIN: [usize; 2] = [9, 5];
+
+/// Paths from a probe.
+const PROBED: usize = 256;
+
+/// Direction `k` of [`PROBED`] that cover the sphere evenly.
+fn spread(k: usize) -> DVec3 {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let z = 1.0 - 2.0 * (k as f64 + 0.5) / PROBED as f64;
+    let (sin, cos) = (golden * k as f64).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    DVec3::new(r * cos, r * sin, z)
+}
 
 /// Irradiance of front and back, divided by π.
 type Both = [f64; 2];
@@ -30,7 +46,7 @@ type Both = [f64; 2];
 /// [`crate::Error::Interrupted`] after Ctrl-C.
 pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let mut world = cluster();
-    world.sky = Some([SKY; 3]);
+    (world.sky, world.background) = (Some([SKY; 3]), [SKY; 3]);
     let direction = DVec3::new(0.4, -0.3, 0.8).normalize();
     world.sun = Some(ReferenceSun { direction, irradiance: [SUN; 3], radius: 0.00465 });
     let tracer = Tracer::new(&world, Paths::default())?;
@@ -48,6 +64,14 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     bar.step()?;
     for bands in [1, 2, 3, 5, 7] {
         rows.push(bench.row("bands", bands.to_string(), [5, 3], Columns::Harmonics(bands), 2048)?);
+    }
+    bar.step()?;
+    for to in 0..levels(CHAIN) {
+        rows.push(bench.level(to)?);
+    }
+    // As many bytes as 5×3 anchors, and ten and eighty times as many.
+    for cells in [[7, 7, 6], [14, 14, 15], [28, 28, 30]] {
+        rows.push(bench.probes(cells)?);
     }
     bar.step()?;
     Ok(rows)
@@ -136,6 +160,113 @@ impl Bench<'_> {
             us: 0.0,
             note,
         }
+    }
+
+    /// A level of the chain: what coarser anchors say that are means of the finer ones.
+    fn level(&self, to: usize) -> Result<BenchRow> {
+        let (mut found, mut bytes, mut us) = (Vec::new(), 0, 0.0);
+        for instance in LEAVES {
+            let leaf = &self.world.leaves[self.world.instances[instance].leaf];
+            let anchors = Anchors::on_leaf(leaf, CHAIN);
+            let fine = self.arriving(instance, &anchors.points, Columns::Light, 2048)?;
+            let start = Instant::now();
+            let nodes = coarser(CHAIN, to);
+            let of = |piece: &[[DVec3; 2]], node: &Vec<(usize, f64)>| {
+                node.iter().fold([DVec3::ZERO; 2], |s, (k, w)| [0, 1].map(|side| s[side] + piece[*k][side] * *w))
+            };
+            let coarse: Vec<[DVec3; 2]> = match to {
+                0 => fine,
+                _ => fine.chunks(CHAIN[0] * CHAIN[1]).flat_map(|p| nodes.iter().map(move |n| of(p, n))).collect(),
+            };
+            us += start.elapsed().as_secs_f64() * 1e6 / LEAVES.len() as f64;
+            bytes = coarse.len() * 6 * 8;
+            let places = anchors.at_level(to);
+            found.push(self.vertices(instance).map(|v| self.both(instance, v, places.between(v, &coarse))).collect());
+        }
+        let [x, y] = level(CHAIN, to);
+        Ok(BenchRow {
+            model: "transfer".into(),
+            knob: "level of detail".into(),
+            setting: format!("{to}: {x}x{y}"),
+            error: self.error(&found),
+            us,
+            note: format!("means of 9x5 anchors, seen as from near; a leaf, {bytes} bytes without gloss"),
+        })
+    }
+
+    /// Probes in the air between the leaves instead: at every node of a grid the radiance that arrives there, as nine
+    /// harmonics, which a vertex interpolates and folds with its cosine (Ramamoorthi & Hanrahan 2001; Greger et al.
+    /// 1998, "The irradiance volume").
+    fn probes(&self, cells: [usize; 3]) -> Result<BenchRow> {
+        const BANDS: usize = 3;
+        // Of the cosine, by band, over π.
+        const FOLD: [f64; BANDS] = [1.0, 2.0 / 3.0, 0.25];
+        let place = |instance: usize, vertex: usize| {
+            let p = &self.world.instances[instance];
+            p.transform.transform_point3(self.world.leaves[p.leaf].mesh.positions[vertex])
+        };
+        let all = (0..self.world.instances.len()).flat_map(|k| self.vertices(k).map(move |v| place(k, v)));
+        let (low, high) = all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let last = DVec3::from(cells.map(|n| (n - 1) as f64));
+        let basis = mesophyll_sky::harmonics::Basis::new(BANDS);
+        let start = Instant::now();
+        let at = |k: usize| {
+            let node = [k % cells[0], k / cells[0] % cells[1], k / cells[0] / cells[1]].map(|n| n as f64);
+            let eye = low + (high - low) * DVec3::from(node) / last;
+            let (mut sum, mut y) = ([0.0; BANDS * BANDS], [0.0; BANDS * BANDS]);
+            for ray in 0..PROBED {
+                let d = spread(ray);
+                // The sun's own light is drawn by its shadows.
+                let direct = d.dot(self.sun) > (0.01f64).cos();
+                let l =
+                    if direct { SKY } else { self.tracer.look(eye, d, 1, (k * PROBED + ray) as u64).radiance[1].mean };
+                basis.fill(d.to_array(), &mut y);
+                (0..y.len()).for_each(|i| sum[i] += l * y[i] * 4.0 * PI / PROBED as f64);
+            }
+            sum
+        };
+        let count = cells.iter().product::<usize>();
+        let probes: Vec<_> = (0..count).map(at).collect();
+        mesophyll_files::progress::go_on()?;
+        let us = start.elapsed().as_secs_f64() * 1e6 / self.world.instances.len() as f64;
+        let found = LEAVES.map(|instance| {
+            let of = |vertex: usize| {
+                let x = (place(instance, vertex) - low) / (high - low) * last;
+                let mut sum = [0.0; BANDS * BANDS];
+                for corner in 0..8usize {
+                    let (mut node, mut weight, mut stride) = (0, 1.0, 1);
+                    for axis in 0..3 {
+                        let first = (x[axis] as usize).min(cells[axis] - 2);
+                        let t = x[axis] - first as f64;
+                        let far = corner >> axis & 1;
+                        weight *= if far == 1 { t } else { 1.0 - t };
+                        node += stride * (first + far);
+                        stride *= cells[axis];
+                    }
+                    (0..sum.len()).for_each(|i| sum[i] += weight * probes[node][i]);
+                }
+                let placed = &self.world.instances[instance];
+                let normal = self.world.leaves[placed.leaf].mesh.normals[vertex];
+                let normal = placed.transform.transform_vector3(normal).normalize_or(DVec3::Z);
+                [normal, -normal].map(|n| {
+                    let mut y = [0.0; BANDS * BANDS];
+                    basis.fill(n.to_array(), &mut y);
+                    (0..y.len()).map(|i| sum[i] * y[i] * FOLD[i.isqrt()]).sum::<f64>().max(0.0)
+                })
+            };
+            self.vertices(instance).map(of).collect::<Vec<Both>>()
+        });
+        Ok(BenchRow {
+            model: "transfer".into(),
+            knob: "probes".into(),
+            setting: format!("{}x{}x{}", cells[0], cells[1], cells[2]),
+            error: self.error(&found),
+            us,
+            note: format!(
+                "nine harmonics a probe in the air, {PROBED} paths each, instead of anchors on the leaves; a leaf, {} bytes",
+                count * BANDS * BANDS * 8 / self.world.instances.len()
+            ),
+        })
     }
 
     fn row(&self, knob: &str, setting: String, grid: [usize; 2], columns: Columns, paths: u32) -> Result<BenchRow> {

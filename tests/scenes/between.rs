@@ -177,3 +177,28 @@ fn leaves_beside_the_picture_get_no_anchors() {
     let all = planned(&crowd(dir.path(), [0.3, 0.3], 3, light));
     assert!(!all.left_out.iter().any(|l| l.name == "light at leaves beside the pictures"));
 }
+
+/// A transfer that this machine has not the memory for is refused by the plan, with the numbers, before any leaf is
+/// fitted.
+#[test]
+fn a_transfer_that_is_too_large_is_refused_at_once() {
+    let Some(there) = mesophyll::files::memory::available() else {
+        return skips::skip(skips::Need::System, "no /proc/meminfo");
+    };
+    let dir = tempfile::tempdir().unwrap();
+    // 64·64 anchors a leaf, 6 rows of 49 columns, 64 bytes each; half as much again as there is.
+    let leaf = 64 * 64 * 6 * 49 * 64;
+    let count = 3 * there / leaf / 2 + 1;
+    let rest = format!(
+        "[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\nradiance = [1, 1, 1]\n[cluster]\nleaves = [\"elm\"]\ncount = \
+         {count}\nlength_mm = 20\noffset_mm = 10\ndroop_deg = 0\nspread_deg = 0\nseed = 1\n"
+    );
+    let scene = crowd(dir.path(), [0.2, 0.2], 0, &rest);
+    let output = mesophyll(&["--quiet", "plan", scene.to_str().unwrap()]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains(&format!("64 by 64 anchors on each of {count} leaves, 7 bands")), "{said}");
+    let needed = format!("needs about {:.1} GiB of memory", (count * leaf) as f64 / f64::from(1 << 30));
+    assert!(said.contains(&needed), "{said} {needed}");
+    assert_eq!(said.trim().lines().count(), 1, "{said}");
+}

@@ -42,9 +42,10 @@ pub(crate) fn rows(instance: &Instance) -> [[f32; 4]; 3] {
     [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
 }
 
-/// Where an instance's rows of arriving light begin, and its shares of the sun.
+/// Where an instance's rows of arriving light begin, with the level of their anchors in the four highest bits, and its
+/// shares of the sun.
 pub(crate) fn begin(instance: &Instance) -> [u32; 2] {
-    [instance.first_row, instance.first_share.unwrap_or(0)]
+    [instance.first_row | instance.first_level << 28, instance.first_share.unwrap_or(0)]
 }
 
 /// The mesh's own triangles and those of its levels, one after the other.

@@ -30,6 +30,9 @@ pub(crate) struct Anchored {
     pub rows: u32,
     /// Of the harmonics among the rows.
     pub bands: u32,
+    pub levels: u32,
+    /// Pieces of the mesh, where there are levels.
+    pub pieces: u32,
 }
 
 /// What the scene's lights need.
@@ -166,6 +169,8 @@ impl Variant {
                     grid: anchors.grid,
                     rows: anchors.rows,
                     bands: transfer.gloss_bands as u32,
+                    levels: anchors.levels,
+                    pieces: if anchors.levels > 1 { anchors.pieces() } else { 1 },
                 },
             ),
             shares: instances.iter().all(|i| knows_sun(scene, i)),
@@ -230,12 +235,15 @@ impl Variant {
             .set("TRANSFER", self.anchored.is_some())
             .set("SCANNER", lights.scanner)
             .set("LIT", lights.any());
-        let Anchored { grid, rows, bands } = self.anchored.unwrap_or(Anchored { grid: [1; 2], rows: 0, bands: 7 });
+        let none = Anchored { grid: [1; 2], rows: 0, bands: 7, levels: 1, pieces: 1 };
+        let Anchored { grid, rows, bands, levels, pieces } = self.anchored.unwrap_or(none);
         let defines = defines
             .constant("GRID_X", grid[0])
             .constant("GRID_Y", grid[1])
             .constant("ROWS", rows)
-            .constant("BANDS", bands);
+            .constant("BANDS", bands)
+            .constant("ANCHOR_LEVELS", levels)
+            .constant("PIECES", pieces);
         let Some(leaf) = self.leaf() else { return defines };
         let curve = |s: &SideVariant| !s.maps && !s.black;
         defines

@@ -5,14 +5,14 @@ mod common;
 
 use common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Anchors, Material, Opaque, Scene, Transfer};
+use mesophyll_viewer::scene::{Anchors, Camera, Material, Opaque, Scene, Transfer};
 use std::f32::consts::PI;
 
 /// The square's anchors on a grid: vertices in the order of `square`, u along x and v along y.
 fn anchors(grid: [u32; 2], rows: u32) -> Anchors {
     let [x, y] = grid.map(|n| n as f32 - 1.0);
     let places = [(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)].map(|(a, b)| Vec3::new(0.0, a, b));
-    Anchors { grid, places: places.to_vec(), rows }
+    Anchors { grid, places: places.to_vec(), rows, levels: 1 }
 }
 
 /// A flat leaf whose front gets the irradiance `front` and whose back gets `back` at each anchor, as its own light.
@@ -169,7 +169,7 @@ fn wood_is_lit_at_its_vertices() {
     let mut scene = Scene { exposure: 1.0, msaa: 1, shadow_resolution: 64, ..Scene::default() };
     let mut mesh = square(10.0);
     let places = (0..4).map(|k| Vec3::new(k as f32, 0.0, 0.0)).collect();
-    mesh.anchors = Some(Anchors { grid: [1, 1], places, rows: 1 });
+    mesh.anchors = Some(Anchors { grid: [1, 1], places, rows: 1, levels: 1 });
     let wood = scene.add(mesh, Material::Opaque(Opaque { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
     scene.instances.push(wood);
     // Light grows from the left to the right.
@@ -204,4 +204,44 @@ fn a_transfer_that_contradicts_its_scene_is_refused() {
     refused("anchors", &|s| s.meshes[0].anchors.as_mut().unwrap().rows = 3);
     refused("entries", &|s| s.transfer.as_mut().unwrap().entries.clear());
     refused("bands", &|s| s.transfer.as_mut().unwrap().bands = Some(8));
+}
+
+/// From near the finest anchors are seen, from afar the coarsest, and in between the picture goes from one to the other
+/// without a step. An instance that keeps coarse ones alone is seen by them from everywhere.
+#[test]
+fn far_leaves_are_lit_by_coarser_anchors() {
+    let Some(mut renderer) = renderer() else { return };
+    // Two by two anchors give the front 1 each, the single one that stands for them gives 3: nothing real, so that the
+    // levels can be told apart.
+    let levels = |first_level: u32| {
+        let mut scene = lit_by([2, 2], |_, _| [1.0, 0.0]);
+        let Some(transfer) = &mut scene.transfer else { unreachable!() };
+        transfer.entries.extend([0.0, 0.0, 3.0, 0.0, 0.0, 0.0].map(|z| [2.0 * z, z, 0.0, 0.0]));
+        if first_level == 1 {
+            transfer.entries.drain(..4 * 6);
+        }
+        scene.meshes[0].anchors.as_mut().unwrap().levels = 2;
+        scene.instances[0].first_level = first_level;
+        scene
+    };
+    let unit = f64::from(RHO_D[1]) / f64::from(PI);
+    let mut seen = |scene: &Scene, fov: f32| {
+        renderer.set_scene(scene).unwrap();
+        let view = Camera { fov_y_deg: fov, ..camera(Vec3::Z, 400.0) };
+        // The square of 20 mm fills the picture's middle: 128 pixels are as wide as the field of view.
+        let picture = renderer.render(&view, 128, 128).unwrap();
+        f64::from(picture.hdr[64 * 128 + 64][1]) / unit
+    };
+    // Degrees of which the square takes a share: two anchors are 20 mm apart.
+    let apart = |pixels: f32| 2.0 * (20.0 / 400.0 * 128.0 / pixels / 2.0).atan().to_degrees();
+    assert!((seen(&levels(0), apart(12.0)) - 1.0).abs() < 0.01);
+    assert!((seen(&levels(0), apart(1.5)) - 3.0).abs() < 0.02);
+    assert!((seen(&levels(1), apart(12.0)) - 3.0).abs() < 0.02);
+    // log2(4 / pixels) of the way.
+    let mut before = 1.0;
+    for pixels in [3.6, 3.2, 2.8, 2.4, 2.1] {
+        let (found, expected) = (seen(&levels(0), apart(pixels)), 1.0 + 2.0 * (4.0 / f64::from(pixels)).log2());
+        assert!((found - expected).abs() < 0.05 && found > before, "{pixels} {found} {expected}");
+        before = found;
+    }
 }

@@ -94,6 +94,13 @@ pub trait Editor {
         Err("this scene's sky does not follow the sun".into())
     }
 
+    /// Follows the sun where vertices know their share of it ([`Scene::sun_shares`]): asks for the shares under a sun in
+    /// this direction and gives the last ones that are ready since the call before, and whether more will come.
+    fn shares(&mut self, sun: Vec3) -> (Option<Vec<u8>>, bool) {
+        let _ = sun;
+        (None, false)
+    }
+
     /// Saves an edit as a new fit and says where.
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> Result<String, String>;
 

@@ -82,6 +82,7 @@ impl Stage {
             }
         }
         let unused: Vec<TextureId> = textures.free.drain().collect();
+        let following = state.follow_sun();
         self.draw_picture(state)?;
 
         let gpu = self.renderer.gpu();
@@ -115,7 +116,7 @@ impl Stage {
             self.painter.free_texture(id);
         }
         let asked = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
-        let more = state.job.is_some() || state.dirty || state.continuous();
+        let more = state.job.is_some() || state.dirty || following || state.continuous();
         Ok(Shown { platform: output.platform_output, repaint_after: if more { Duration::ZERO } else { asked } })
     }
 

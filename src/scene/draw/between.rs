@@ -3,34 +3,106 @@
 
 use crate::Result;
 use glam::{DVec3, Vec3};
-use mesophyll_fit_transfer::Transfer;
+use mesophyll_fit_transfer::{OfLeaf, Transfer};
 use mesophyll_transport::ReferenceMesh;
-use mesophyll_transport::transfer::Columns;
+use mesophyll_transport::transfer::anchors::{coarser, levels};
+use mesophyll_transport::transfer::{Columns, Rows};
 use mesophyll_viewer::scene as viewer;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What arrives at the anchors.
-pub fn arriving(found: &Transfer, out: &mut viewer::Scene) {
+/// Where a scene is looked at from, and the angle of a pixel (rad).
+pub struct Eye {
+    /// mm.
+    pub at: Vec3,
+    /// Of the middle of its pictures.
+    pub pixel: f32,
+}
+
+/// As in `arrives.wgsl`: below so many pixels between two anchors coarser anchors count too.
+const NEAR: f32 = 4.0;
+
+/// What arrives at the anchors, and at the coarser ones that stand for them where leaves are small in a picture. What
+/// none of the `eyes` is near enough for is left out; without one all of it is kept.
+pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
     for (mesh, of) in out.meshes.iter_mut().zip(&found.layout.leaves) {
         mesh.anchors = Some(viewer::Anchors {
             grid: of.anchors.grid.map(|n| n as u32),
             places: of.anchors.places.iter().map(|p| Vec3::from(*p)).collect(),
             rows: of.rows.count() as u32,
+            levels: chain(of) as u32,
         });
     }
+    // Instances that no view shows share another's rows.
+    let mut kept: BTreeMap<(usize, usize), u32> = BTreeMap::new();
+    let places = || out.instances.iter().zip(&found.layout.first);
+    for (instance, first) in places() {
+        let level = finest(&out.meshes[instance.mesh], instance, eyes);
+        kept.entry((instance.mesh, *first)).and_modify(|l| *l = (*l).min(level)).or_insert(level);
+    }
+    let columns = found.columns.count();
+    let mut entries = Vec::new();
+    let mut begins: BTreeMap<(usize, usize), u32> = BTreeMap::new();
     for (instance, first) in out.instances.iter_mut().zip(&found.layout.first) {
-        instance.first_row = *first as u32;
+        let key = (instance.mesh, *first);
+        instance.first_level = kept[&key];
+        instance.first_row = *begins.entry(key).or_insert_with(|| {
+            let begin = (entries.len() / columns) as u32;
+            let of = &found.layout.leaves[instance.mesh];
+            for level in instance.first_level as usize..chain(of) {
+                append(found, of, *first, level, &mut entries);
+            }
+            begin
+        });
     }
     let bands = match found.columns {
         Columns::Harmonics(bands) => Some(bands),
         Columns::Light => None,
     };
-    out.transfer = Some(viewer::Transfer {
-        bands,
-        gloss_bands: found.gloss_bands,
-        scale: found.scale,
-        entries: found.entries.clone(),
-    });
+    out.transfer = Some(viewer::Transfer { bands, gloss_bands: found.gloss_bands, scale: found.scale, entries });
+}
+
+/// Levels of a mesh's anchors: of leaves as many as their grids have, of wood and ground one.
+fn chain(of: &OfLeaf) -> usize {
+    if of.rows == Rows::Front { 1 } else { levels(of.anchors.grid) }
+}
+
+/// Adds the entries of a level's anchors, piece by piece; `first` is the first row of the finest ones.
+fn append(found: &Transfer, of: &OfLeaf, first: usize, level: usize, entries: &mut Vec<[f32; 4]>) {
+    let an_anchor = of.rows.count() * found.columns.count();
+    let count = of.anchors.points.len();
+    let fine = &found.entries[first * found.columns.count()..][..count * an_anchor];
+    if level == 0 {
+        entries.extend(fine);
+        return;
+    }
+    let nodes = coarser(of.anchors.grid, level);
+    for piece in fine.chunks(an_anchor * of.anchors.grid[0] * of.anchors.grid[1]) {
+        for node in &nodes {
+            entries.extend((0..an_anchor).map(|entry| {
+                let part =
+                    |c: usize| node.iter().map(|(k, w)| w * f64::from(piece[k * an_anchor + entry][c])).sum::<f64>();
+                [0, 1, 2, 3].map(|c| part(c) as f32)
+            }));
+        }
+    }
+}
+
+/// The finest level that any eye is near enough for: a pixel of it passes by fewer anchors than the next level needs.
+fn finest(mesh: &viewer::Mesh, instance: &viewer::Instance, eyes: &[Eye]) -> u32 {
+    let Some(anchors) = &mesh.anchors else { return 0 };
+    let (low, high) =
+        mesh.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+    let scale = instance.transform.x_axis.truncate().length();
+    let (centre, radius) =
+        (instance.transform.transform_point3(0.5 * (low + high)), 0.5 * scale * (high - low).length());
+    // Anchors over a length, at least: a piece is no longer than the mesh.
+    let dense = anchors.grid.iter().map(|n| (n - 1) as f32 / (2.0 * radius)).fold(f32::INFINITY, f32::min);
+    let level = |eye: &Eye| {
+        let passed = (eye.at.distance(centre) - radius).max(0.0) * eye.pixel * dense;
+        (NEAR * passed).log2().clamp(0.0, (anchors.levels - 1) as f32) as u32
+    };
+    eyes.iter().map(level).min().unwrap_or(0)
 }
 
 /// The share of the sun that vertices see where it stands in this direction, where the transfer knows it; on the ground
@@ -57,5 +129,31 @@ pub fn mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
         indices: mesh.indices.clone(),
         details: Vec::new(),
         anchors: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Mat4;
+
+    /// A leaf 60 mm long with five by three anchors: the coarser the level, the farther it has to be from every eye; an
+    /// eye inside its ball, or none at all, keeps everything.
+    #[test]
+    fn only_levels_that_an_eye_comes_near_are_kept() {
+        let places = vec![Vec3::ZERO, Vec3::new(0.0, 4.0, 2.0)];
+        let mesh = viewer::Mesh {
+            positions: vec![Vec3::new(-30.0, -1.0, 0.0), Vec3::new(30.0, 1.0, 0.0)],
+            anchors: Some(viewer::Anchors { grid: [5, 3], places, rows: 6, levels: 3 }),
+            ..viewer::Mesh::default()
+        };
+        let instance = viewer::Instance { transform: Mat4::from_translation(Vec3::X * 100.0), ..Default::default() };
+        let at = |far: &[f32]| {
+            let eyes: Vec<Eye> = far.iter().map(|x| Eye { at: Vec3::X * (100.0 + x), pixel: 1e-3 }).collect();
+            finest(&mesh, &instance, &eyes)
+        };
+        assert_eq!((at(&[]), at(&[10.0]), at(&[1e6])), (0, 0, 2));
+        // Across, a distance in 30 mm: half a distance a pixel where a pixel is 15 mm wide.
+        assert_eq!((at(&[1.45e4]), at(&[1.55e4]), at(&[1.55e4, 50.0])), (0, 1, 0));
     }
 }

@@ -16,7 +16,7 @@ use crate::placed::plant::Wood;
 use crate::{Error, Result};
 use glam::{DMat4, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_manifest::{Manifest, View};
+use mesophyll_manifest::{Manifest, View, ViewKind};
 use mesophyll_optics::side::Side;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
@@ -102,12 +102,22 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         out.wind.get_or_insert_with(|| still_branches(manifest));
     }
     if let Some(found) = &scene.transfer {
-        between::arriving(found, &mut out);
+        between::arriving(found, &eyes(manifest, placed), &mut out);
         if let Some(direction) = sun_direction(manifest) {
             between::shade(found, direction, &mut out)?;
         }
     }
     Ok(out)
+}
+
+/// Where the perspective views look from; none where the camera or what stands there may move.
+fn eyes(manifest: &Manifest, placed: &Placed) -> Vec<between::Eye> {
+    if placed.free || placed.moves().any() {
+        return Vec::new();
+    }
+    let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(camera);
+    let pixel = |fov_deg: f32| 2.0 * (0.5 * fov_deg.to_radians()).tan() / manifest.check.height.max(1) as f32;
+    perspective.map(|c| between::Eye { at: c.eye, pixel: pixel(c.fov_y_deg) }).collect()
 }
 
 /// Whether the ground lies below everything that stands in the scene.

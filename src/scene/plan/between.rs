@@ -1,10 +1,12 @@
 //! The plan of light between leaves: whether there is any, and what its transfer is made of.
 
 use super::{Between, LeftOut, Need, Plan};
+use crate::Result;
 use crate::placed::Placed;
 use crate::placed::daylight::sun_directions;
 use crate::placed::placement::Placement;
 use glam::DVec3;
+use mesophyll_fit_transfer::BYTES_AN_ENTRY;
 use mesophyll_manifest::{Manifest, Shadows, Transfer, ViewKind};
 
 /// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005, §4).
@@ -20,14 +22,16 @@ const CUBE: u64 = 32 * 32 * 6 / 2;
 ///
 /// # Errors
 /// The reason.
-pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> Result<(), &'static str> {
+pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> std::result::Result<(), &'static str> {
     match &manifest.transfer {
         _ if manifest.sun.is_none() => Err("the scene has no sun"),
         None => Err("the scene does not ask for it: shadow maps are drawn in the picture's own time"),
         Some(t) if t.shadows == Shadows::Maps => Err("the scene asks for shadow maps"),
         _ if stands_alone(manifest, placed) => Err("one leaf stands alone"),
-        _ if placed.free => Err("the sun may be moved anywhere: shadow maps follow it"),
-        _ if manifest.sun.as_ref().is_some_and(|s| s.moves) => Err("the sun may stand anywhere: shadow maps follow it"),
+        // The window makes a map for wherever its sun is moved to; a picture has none for a sun of any other place.
+        _ if !placed.free && manifest.sun.as_ref().is_some_and(|s| s.moves) => {
+            Err("the sun may stand anywhere: shadow maps follow it")
+        }
         _ if placed.moves().any() => Err("branches bend, and shadows with them: shadow maps follow them"),
         _ => Ok(()),
     }
@@ -67,7 +71,10 @@ fn stands_alone(manifest: &Manifest, placed: &Placed) -> bool {
 }
 
 /// Decides about light between leaves.
-pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
+///
+/// # Errors
+/// [`crate::Error::Usage`] for a transfer that needs more memory than there is.
+pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()> {
     let Some(asked) = &manifest.transfer else {
         plan.leave_out(LeftOut::new(
             NAME,
@@ -75,8 +82,9 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
             0,
             None,
         ));
-        return;
+        return Ok(());
     };
+    let [along, across] = asked.anchors;
     let shines = |k: usize| manifest.leaves[k].uniform.as_ref().is_none_or(|u| u.gloss().is_some());
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
@@ -89,10 +97,19 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
         let why = "one leaf stands alone: no other sends it light or hides the sky";
         let bytes = entries(asked.bands.unwrap_or(BANDS));
         plan.leave_out(LeftOut::new(NAME, why, bytes, None));
-        return;
+        return Ok(());
     }
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
+    // Before any leaf is fitted for it.
+    let count = of(true, bands.unwrap_or(BANDS)) * bands.map_or(1, |b| b * b) as u64;
+    let what = format!(
+        "{}: transfer: {count} entries ({along} by {across} anchors on each of {} leaves, {})",
+        manifest.path.display(),
+        placed.placements.len(),
+        bands.map_or("one column".into(), |b| format!("{b} bands"))
+    );
+    mesophyll_files::memory::require(count.saturating_mul(BYTES_AN_ENTRY), &what)?;
     let beside = placed.placements.iter().filter(|p| unseen(manifest, placed, p)).count();
     if beside > 0 {
         let why = format!("no view shows {beside} of {} leaves: nothing arrives at them", placed.placements.len());
@@ -103,7 +120,6 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     let shadows = sun_visibility(manifest, placed);
     plan.light.between = Some(Between { bands, sun_visibility: shadows.is_ok() });
     plan.light.sky_bands = plan.light.sky_bands.max(bands.unwrap_or(0));
-    let [along, across] = asked.anchors;
     let mut need = Need::new(NAME, "the scene asks for it: leaves hide the sky from each other and light each other");
     need.amount = Some(format!("{along}x{across} anchors a leaf, {} paths each", asked.paths));
     plan.need(need);
@@ -137,6 +153,7 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
             plan.leave_out(LeftOut::new("operators of the light", why, saved, None));
         }
     }
+    Ok(())
 }
 
 /// Where a placement's leaf is at most: centre and radius.

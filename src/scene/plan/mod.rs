@@ -211,7 +211,7 @@ impl Plan {
         branches::branches(manifest, placed, self, ledger);
         grass::lawns(manifest, placed, self)?;
         light::lights(manifest, placed, self)?;
-        between::between(manifest, placed, self);
+        between::between(manifest, placed, self)?;
         light::absent_models(manifest, placed, self);
         self.warnings = warnings::warnings(manifest, placed)?;
         let files = self.needed.iter().map(|n| (n.name.clone(), format!("{:?}", n.hash)));

@@ -16,6 +16,7 @@ use crate::placed::placement::{OnBranch, Placement, Ride};
 use glam::DVec3;
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
+use mesophyll_fit_transfer::LiveSun;
 use mesophyll_leaf::LeafFit;
 use mesophyll_leaf::edit::{self, Edit};
 use mesophyll_manifest::{Interior, View, ViewKind};
@@ -38,6 +39,8 @@ pub struct SceneEditor {
     /// Edited fits go here.
     out: PathBuf,
     judged: Option<transport::ReferencePicture>,
+    /// What vertices see of a sun that is moved, where they know it.
+    live: Option<LiveSun>,
 }
 
 impl SceneEditor {
@@ -67,7 +70,9 @@ impl SceneEditor {
             starts.push(start);
             fits.push(fitted);
         }
-        Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None })
+        let known = scene.transfer.as_ref().and_then(|t| Some((t.sun.as_ref()?, t.world.clone())));
+        let live = known.zip(daylight::sun_direction(&scene.manifest)).map(|((sun, world), at)| sun.live(world, at));
+        Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None, live })
     }
 
     fn leaf(&self, leaf: usize) -> Leaf<'_> {
@@ -213,6 +218,12 @@ impl Editor for SceneEditor {
             Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })
         };
         new().map_err(|e| e.to_string())
+    }
+
+    fn shares(&mut self, sun: glam::Vec3) -> (Option<Vec<u8>>, bool) {
+        let Some(live) = &mut self.live else { return (None, false) };
+        let found = live.follow(sun.as_dvec3());
+        (found, live.is_waiting())
     }
 
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {

@@ -88,6 +88,17 @@ impl Anchors {
         sum
     }
 
+    /// How the vertices lie among the anchors of a level ([`level`]), which have no neighbourhoods of their own.
+    pub fn at_level(&self, to: usize) -> Anchors {
+        let (fine, grid) = (self.grid, level(self.grid, to));
+        let place = |p: &[f32; 3]| {
+            let piece = p[0] as usize / (fine[0] * fine[1]);
+            let [x, y] = [0, 1].map(|k| p[k + 1] * (grid[k] - 1) as f32 / (fine[k].max(2) - 1) as f32);
+            [(piece * grid[0] * grid[1]) as f32, x, y]
+        };
+        Anchors { grid, points: Vec::new(), places: self.places.iter().map(place).collect() }
+    }
+
     /// Adds the grid over one piece.
     fn add(&mut self, leaf: &ReferenceLeaf, triangles: &[usize]) {
         let plane = Plane::along(leaf, triangles);
@@ -129,6 +140,44 @@ impl Anchors {
             self.places[vertex] = [first as f32, place(p.x, along, plane.reach[0]), place(p.y, across, plane.reach[1])];
         }
     }
+}
+
+/// How many grids a chain has that begins with this one: each has half the anchors of the one before along both axes,
+/// and at least one; the last has one.
+pub fn levels(grid: [usize; 2]) -> usize {
+    (1 + grid[0].max(grid[1]).max(1).ilog2()) as usize
+}
+
+/// Anchors along a piece and across it on a level of the chain.
+pub fn level(grid: [usize; 2], level: usize) -> [usize; 2] {
+    grid.map(|n| (n >> level).max(1))
+}
+
+/// The anchors of a piece's grid that each anchor of a level stands for, with weights that sum to one: a Gaussian over
+/// the surface with the standard deviation that neighbourhoods have, [`SPREAD`] distances of two of the level's anchors
+/// (Wang et al. 2005, §4, "Level of Detail"). A single anchor along an axis is the mean.
+pub fn coarser(grid: [usize; 2], to: usize) -> Vec<Vec<(usize, f64)>> {
+    let [across_long, across_wide] = [0, 1].map(|axis| {
+        let (fine, coarse) = (grid[axis], level(grid, to)[axis]);
+        let weights = |k: usize| {
+            // What an anchor at the rim stands for is half as wide.
+            let area = |i: usize| if fine > 1 && (i == 0 || i == fine - 1) { 0.5 } else { 1.0 };
+            let apart = (fine.max(2) - 1) as f64 / (coarse.max(2) - 1) as f64;
+            let near = |i: usize| match coarse {
+                1 => 1.0,
+                _ => (-0.5 * ((i as f64 - k as f64 * apart) / (SPREAD * apart)).powi(2)).exp(),
+            };
+            let sum: f64 = (0..fine).map(|i| area(i) * near(i)).sum();
+            (0..fine).map(|i| area(i) * near(i) / sum).collect::<Vec<f64>>()
+        };
+        (0..coarse).map(weights).collect::<Vec<_>>()
+    });
+    let of = |v: &Vec<f64>, u: &Vec<f64>| {
+        let row =
+            |(j, y): (usize, &f64)| u.iter().enumerate().map(|(i, x)| (i + grid[0] * j, x * y)).collect::<Vec<_>>();
+        v.iter().enumerate().flat_map(row).collect()
+    };
+    across_wide.iter().flat_map(|v| across_long.iter().map(|u| of(v, u)).collect::<Vec<_>>()).collect()
 }
 
 /// A plane along a piece: its long axis and the axis across it.
@@ -292,6 +341,27 @@ mod tests {
 
     fn sheet(size: f64) -> ReferenceLeaf {
         leaf(square(0.5 * size), [0.3, 0.3], 0.2, None)
+    }
+
+    /// Every level's weights sum to one, an even light stays even, a light that rises evenly along the leaf keeps its
+    /// mean, and the last level is that mean.
+    #[test]
+    fn a_chain_keeps_what_is_even() {
+        for grid in [[5, 3], [18, 15], [1, 1], [2, 7]] {
+            let count = levels(grid);
+            assert_eq!(level(grid, count - 1), [1, 1]);
+            assert!(count == 1 || level(grid, count - 2) != [1, 1]);
+            for to in 0..count {
+                let nodes = coarser(grid, to);
+                assert_eq!(nodes.len(), level(grid, to).iter().product::<usize>());
+                for of in &nodes {
+                    assert!((of.iter().map(|(_, w)| w).sum::<f64>() - 1.0).abs() < 1e-12);
+                }
+                let rising = |of: &Vec<(usize, f64)>| of.iter().map(|(k, w)| w * (k % grid[0]) as f64).sum::<f64>();
+                let mean = nodes.iter().map(rising).sum::<f64>() / nodes.len() as f64;
+                assert!((mean - 0.5 * (grid[0] - 1) as f64).abs() < 1e-9, "{grid:?} {to} {mean}");
+            }
+        }
     }
 
     /// A square with three by three anchors has them at its corners, its edges' middles and its centre, and its

@@ -9,20 +9,51 @@ var<private> vectors: array<vec3f, 6>;
 var<private> harmonics: array<vec3f, 49>;
 //#endif
 
-fn arrive(first: u32, place: vec2f) {
-    let last = vec2u(GRID_X - 1u, GRID_Y - 1u);
-    let at = clamp(place, vec2f(0.0), vec2f(last));
+// Below so many pixels between two anchors coarser anchors count too; at half as many the finer ones count no more.
+const NEAR: f32 = 4.0;
+
+// Anchors along a piece and across it, on a level.
+fn grid_of(level: u32) -> vec2u {
+    return max(vec2u(GRID_X, GRID_Y) >> vec2u(level), vec2u(1u));
+}
+
+// `begin`: the first row of the instance, whose four highest bits are the level of its first anchors, and the piece.
+// `passed`: how many anchors a pixel passes by.
+fn arrive(begin: vec2u, place: vec2f, passed: f32) {
+    let kept = begin.x >> 28u;
+    let wanted = clamp(log2(max(passed * NEAR, 1e-6)), f32(kept), f32(ANCHOR_LEVELS - 1u));
+    let fine = u32(wanted);
+    var first = begin.x & 0x0fffffffu;
+    for (var level = kept; level < fine; level++) {
+        let grid = grid_of(level);
+        first += PIECES * grid.x * grid.y * ROWS;
+    }
+    let coarse = wanted - f32(fine);
+    add(fine, first, begin.y, place, 1.0 - coarse);
+    if (coarse > 0.0) {
+        let grid = grid_of(fine);
+        add(fine + 1u, first + PIECES * grid.x * grid.y * ROWS, begin.y, place, coarse);
+    }
+}
+
+// Adds a share of what arrives by the anchors of a level, whose rows begin with `first`.
+fn add(level: u32, first: u32, piece: u32, place: vec2f, share: f32) {
+    let grid = grid_of(level);
+    let last = grid - 1u;
+    let fine = vec2f(max(vec2u(GRID_X, GRID_Y), vec2u(2u)) - 1u);
+    let at = clamp(place * (vec2f(last) / fine), vec2f(0.0), vec2f(last));
     let low = min(vec2u(at), last);
     let high = min(low + 1u, last);
     let t = at - vec2f(low);
-    let around = first + ROWS * (vec4u(low.x, high.x, low.x, high.x) + GRID_X * vec4u(low.y, low.y, high.y, high.y));
-    let weights = vec4f((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y);
+    let start = first + piece * grid.x * grid.y * ROWS;
+    let around = start + ROWS * (vec4u(low.x, high.x, low.x, high.x) + grid.x * vec4u(low.y, low.y, high.y, high.y));
+    let weights = share * vec4f((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y);
     for (var k = 0u; k < 6u; k++) {
-        vectors[k] = between(around + k, weights);
+        vectors[k] += between(around + k, weights);
     }
     //#if ALBEDO
     for (var k = 0u; k < BANDS * BANDS; k++) {
-        harmonics[k] = between(around + 6u + k, weights);
+        harmonics[k] += between(around + 6u + k, weights);
     }
     //#endif
 }

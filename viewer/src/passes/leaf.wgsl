@@ -177,6 +177,10 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     var out: Pixel;
     // Derivatives are defined before the outline discards anything.
     let across = cross(dpdx(in.world), dpdy(in.world));
+    //#if TRANSFER
+    // Anchors that a pixel passes by, where a leaf is seen edge-on the way along it.
+    let passed = min(length(dpdx(in.place)), length(dpdy(in.place)));
+    //#endif
     let dx = dpdx(in.uv);
     let dy = dpdy(in.uv);
     //#if MASK
@@ -203,7 +207,7 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     var radiance = vec3f(0.0);
     //#if LIT
     //#if TRANSFER
-    arrive(in.first, in.place);
+    arrive(in.first, in.place, passed);
     //#endif
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
     let facing = faced(in, front_facing, across);

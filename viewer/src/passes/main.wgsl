@@ -81,9 +81,9 @@ struct Varying {
     //#endif
     //#if TRANSFER
     //#if LEAF
-    // Place among the anchors, and the first of their rows.
+    // Place among the anchors; the first row of the instance with the level of its anchors, and the piece's number.
     @location(4) place: vec2f,
-    @location(5) @interpolate(flat) first: u32,
+    @location(5) @interpolate(flat) first: vec2u,
     //#else
     // Irradiance.
     @location(4) arrived: vec3f,
@@ -127,12 +127,11 @@ fn vertex(in: Vertex) -> Varying {
     out.normal = swung.normal;
     //#endif
     //#if TRANSFER
-    let first = in.begin.x + u32(in.place.x) * ROWS;
     //#if LEAF
     out.place = in.place.yz;
-    out.first = first;
+    out.first = vec2u(in.begin.x, u32(in.place.x) / (GRID_X * GRID_Y));
     //#else
-    out.arrived = arriving[first].rgb;
+    out.arrived = arriving[in.begin.x + u32(in.place.x) * ROWS].rgb;
     //#endif
     //#endif
     //#if SHARES

@@ -72,8 +72,7 @@ fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
     for instance in &scene.instances {
         let Some(anchors) = &scene.meshes[instance.mesh].anchors else { continue };
         let rows = anchors.rows as usize;
-        let count = count(anchors);
-        for anchor in 0..count {
+        for anchor in 0..anchors.count(instance.first_level) {
             for k in 6..rows {
                 let (l, m) = order(k - 6);
                 factors[instance.first_row as usize + anchor * rows + k] = norm(l, m.unsigned_abs()) as f32;
@@ -91,12 +90,6 @@ fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
 /// Columns of a transfer.
 pub(crate) fn columns(transfer: &Transfer) -> usize {
     transfer.bands.map_or(1, |bands| bands * bands)
-}
-
-/// Anchors of a mesh: as many as its last piece ends with.
-pub(crate) fn count(anchors: &crate::scene::Anchors) -> usize {
-    let last = anchors.places.iter().map(|p| p.x).fold(0.0, f32::max) as usize;
-    last + (anchors.grid[0] * anchors.grid[1]) as usize
 }
 
 impl TransferPass {

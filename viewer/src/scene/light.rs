@@ -30,6 +30,28 @@ pub struct Anchors {
     pub places: Vec<Vec3>,
     /// Rows of an anchor: 1 (wood and ground), 6 (a leaf) or 6 + N² (a glossy one).
     pub rows: u32,
+    /// Grids of each piece, 1 to 8, all anchors of one before those of the next, which has half as many along both
+    /// axes, and at least one. A pixel reads two of them, the coarser the fewer pixels lie between two anchors.
+    pub levels: u32,
+}
+
+impl Anchors {
+    /// Anchors along a piece and across it, on a level.
+    pub fn level(&self, level: u32) -> [u32; 2] {
+        self.grid.map(|n| (n >> level).max(1))
+    }
+
+    /// Pieces of the mesh: as many as its last one ends with.
+    pub fn pieces(&self) -> u32 {
+        let last = self.places.iter().map(|p| p.x).fold(0.0, f32::max) as u32;
+        last / self.level(0).iter().product::<u32>() + 1
+    }
+
+    /// Anchors of all pieces, on this level and all coarser ones.
+    pub fn count(&self, first_level: u32) -> usize {
+        let each: u32 = (first_level..self.levels).map(|l| self.level(l).iter().product::<u32>()).sum();
+        (self.pieces() * each) as usize
+    }
 }
 
 /// The sun as a disk.

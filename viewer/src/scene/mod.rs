@@ -126,6 +126,9 @@ pub struct Instance {
     pub carried: Option<Carried>,
     /// First row of its anchors in the scene's [`Transfer`].
     pub first_row: u32,
+    /// The level of its anchors ([`Anchors::levels`]) that its rows begin with: finer ones are not kept, since it is
+    /// never seen so near.
+    pub first_level: u32,
     /// Where the scene's shares of the sun begin that are of its mesh's vertices, in their order; `None`: its shadows
     /// come from shadow maps.
     pub first_share: Option<u32>,

@@ -3,7 +3,7 @@
 use super::wrong;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::passes::transfer::{columns, count};
+use crate::passes::transfer::columns;
 use crate::scene::{Scene, SideMaps};
 
 /// Shares of the sun: a byte for every vertex of an instance that has them.
@@ -65,8 +65,16 @@ pub(super) fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
             Some(_) => vec![6, glossy],
             None => vec![1],
         };
-        let end = instance.first_row as usize + count(anchors) * anchors.rows as usize;
+        if !(1..=8).contains(&anchors.levels) || instance.first_level >= anchors.levels || instance.first_row >> 28 != 0
+        {
+            let found =
+                format!("level {} of {}, first row {}", instance.first_level, anchors.levels, instance.first_row);
+            let expected = "one of 1 to 8 levels, and a row below 268435456";
+            return Err(wrong(format!("instance {i}, anchors"), found, expected));
+        }
         let whole = anchors.places.len() == mesh.positions.len() && anchors.grid.iter().all(|n| *n > 0);
+        let count = if whole { anchors.count(instance.first_level) } else { 0 };
+        let end = instance.first_row as usize + count * anchors.rows as usize;
         if !whole || !known.contains(&(anchors.rows as usize)) || end > rows {
             let found = format!("{} places, {} rows an anchor, up to row {end}", anchors.places.len(), anchors.rows);
             let expected = format!("{} places, {known:?} rows an anchor, below {rows}", mesh.positions.len());

@@ -24,6 +24,10 @@ struct Asked {
     saved: Vec<LeafEdit>,
     skies: Vec<(Vec3, f32)>,
     checked: usize,
+    /// Where the sun stood, each time that the window asked for shares of it.
+    suns: Vec<Vec3>,
+    /// What every vertex sees of the sun, as soon as the window asks.
+    ready: Option<Vec<u8>>,
 }
 
 struct Toy {
@@ -59,6 +63,12 @@ impl Editor for Toy {
         }
         self.asked.borrow_mut().skies.push((sun, turbidity));
         Ok(SkyUpdate { dome: even_dome(sun, turbidity), sun_irradiance: [turbidity; 3] })
+    }
+
+    fn shares(&mut self, sun: Vec3) -> (Option<Vec<u8>>, bool) {
+        let mut asked = self.asked.borrow_mut();
+        asked.suns.push(sun);
+        (asked.ready.take(), false)
     }
 
     fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {
@@ -169,6 +179,37 @@ fn sun_and_turbidity_ask_for_another_sky() {
     // What is refused leaves the sky as it was, and says why.
     bench.drag(at(0.5), egui::vec2(60.0, 0.0));
     assert!(bench.ui.message().contains("refused") && bench.ui.scene().dome.as_ref().unwrap().turbidity <= 9.0);
+}
+
+/// Where vertices know their share of the sun, the window asks for the shares of a sun that was moved, draws the old ones
+/// until the new ones are there, and then those.
+#[test]
+fn a_moved_sun_gets_new_shares() {
+    let (mut window, toy) = two_leaves();
+    let vertices = window.scene.meshes[0].positions.len();
+    for (k, instance) in window.scene.instances.iter_mut().enumerate() {
+        instance.first_share = Some((k * vertices) as u32);
+    }
+    window.scene.sun_shares = Some(std::sync::Arc::new(vec![255; 2 * vertices]));
+    // Nothing else shines, in the picture or on the leaves.
+    (window.scene.shadow_samples, window.scene.sky, window.scene.background) = (0, None, [0.0; 3]);
+    let Some(mut bench) = bench_on((window, toy)) else { return };
+    let first = bench.ui.scene().sun.unwrap().direction;
+    assert!(bench.asked.borrow().suns.iter().all(|s| *s == first));
+    let lit = bench.brightness();
+    let azimuth = bench.place("azimuth");
+    bench.drag(azimuth - egui::vec2(60.0, 0.0), egui::vec2(2.0, 0.0));
+    let moved = bench.ui.scene().sun.unwrap().direction;
+    assert!(moved != first && *bench.asked.borrow().suns.last().unwrap() == moved);
+    assert!(bench.ui.scene().sun_shares.as_ref().unwrap().iter().all(|s| *s == 255), "the old shares are gone");
+    // A map of another number of vertices is of another scene.
+    bench.asked.borrow_mut().ready = Some(vec![0; 7]);
+    bench.frame(vec![]);
+    assert_eq!(bench.ui.scene().sun_shares.as_ref().unwrap().len(), 2 * vertices);
+    bench.asked.borrow_mut().ready = Some(vec![0; 2 * vertices]);
+    bench.frame(vec![]);
+    assert!(bench.ui.scene().sun_shares.as_ref().unwrap().iter().all(|s| *s == 0));
+    assert!(bench.brightness() < 0.5 * lit, "{} {lit}", bench.brightness());
 }
 
 fn bench() -> Option<Bench> {

@@ -5,6 +5,7 @@ use crate::ui::orbit::Orbit;
 use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
 use mesophyll_viewer::scene::Sun;
+use std::sync::Arc;
 
 /// A slider leaves a value alone until it is moved: the scene's own sun has more digits than it shows.
 const EDITS: SliderClamping = SliderClamping::Edits;
@@ -108,6 +109,22 @@ impl ViewerUi {
                 }
             });
         }
+    }
+
+    /// Takes over what vertices see of the sun where it stands now, as soon as that is known; until then they keep what
+    /// they saw of it before. Whether more is to come.
+    pub(crate) fn follow_sun(&mut self) -> bool {
+        let (Some(old), Some(sun)) = (&self.sun_shares, self.scene.sun) else { return false };
+        let (new, more) = self.editor.shares(sun.direction);
+        if let Some(new) = new.filter(|new| new.len() == old.len()) {
+            self.sun_shares = Some(Arc::new(new));
+            if !self.alone {
+                self.scene.sun_shares = self.sun_shares.clone();
+                self.lights_changed = true;
+                self.make_stale();
+            }
+        }
+        more
     }
 
     /// Asks for the sky that goes with the sun and turbidity as they stand; a refusal is shown and the sky stays as it

@@ -25,6 +25,7 @@ use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sid
 use orbit::Orbit;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What a window opens with.
 #[derive(Debug, Clone)]
@@ -71,6 +72,8 @@ pub struct ViewerUi {
     instances: Vec<Instance>,
     /// Of all instances; the scene's own is gone while one leaf is shown alone.
     transfer: Option<Transfer>,
+    /// What its vertices see of the sun, which is gone with it.
+    sun_shares: Option<Arc<Vec<u8>>>,
     /// Gloss as fitted, front and back, that the gloss factors scale.
     own_gloss: BTreeMap<usize, Sides<Option<Vec<[f32; 4]>>>>,
     /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
@@ -139,6 +142,7 @@ impl ViewerUi {
             adapter: adapter.clone(),
             instances: scene.instances.clone(),
             transfer: scene.transfer.clone(),
+            sun_shares: scene.sun_shares.clone(),
             own_gloss: leaves().map(gloss).collect(),
             own_interiors: BTreeMap::new(),
             laid_by: BTreeMap::new(),
@@ -300,6 +304,7 @@ impl ViewerUi {
         };
         // What arrives at a leaf among others does not arrive at it alone.
         self.scene.transfer = if alone { None } else { self.transfer.clone() };
+        self.scene.sun_shares = if alone { None } else { self.sun_shares.clone() };
         self.scene_changed = true;
         self.make_stale();
         self.dirty = true;
