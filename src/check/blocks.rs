@@ -1,4 +1,4 @@
-//! Pictures by the means of their blocks: what stands for blades in the mean is judged where it can be.
+//! Compares pictures by the means of their blocks. What represents blades only on average is judged in this way.
 
 use mesophyll_transport::{ReferencePicture, tone};
 
@@ -43,7 +43,7 @@ mod tests {
         assert!((picture.width, picture.height) == (2, 2) && picture.ldr[1][0].abs_diff(220) <= 1, "{:?}", picture.ldr);
     }
 
-    /// What the limits of data/grass/scenes rest on: grass green, and the same 46 % brighter.
+    /// Tests what the limits of data/grass/scenes are based on: grass green, and the same colour 46 % brighter.
     #[test]
     fn a_lawn_that_is_off_by_twice_its_stated_error_passes_no_limit_below_these() {
         let even = |times: f32| vec![[0.09 * times, 0.16 * times, 0.035 * times, 1.0]; 160 * 160];

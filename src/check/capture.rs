@@ -1,14 +1,14 @@
-//! Views of kind `capture`: renderer and reference draw a leaf as its scan saw it, and both are held against frames
+//! Views of kind `capture`: renderer and reference draw a leaf as its scan saw it, and both are compared with frames
 //! that the fit did not see.
 //!
 //! The gloss is drawn as it was fitted (Wang et al. 2005, Eq. 7). In scenes both renderers bound it by a V-cavity
-//! factor that the fit does not have; what that costs is measured with the same frame and printed beside.
+//! factor that the fit does not have; the effect of that is measured with the same frame and printed as well.
 //!
-//! **The rule.** Residuals are in units of the measurement's noise, and of half a percent of the value where the noise
-//! is smaller: no picture is asked for more. A picture that is off by e of these units raises the mean square of its
-//! residuals by e². Half a unit is allowed (a view's `max_error` says otherwise), beyond two standard errors of chance
-//! and what a right fit leaves. The tube model's own prediction from the folder's maps must stay within one unit, and
-//! so must the light box's transmittance from the slab of σa, σs and h + δ.
+//! **The rule.** Residuals are in units of the measurement's noise, or of half a percent of the value where the noise
+//! is smaller, because no picture has to be more accurate. A picture that is off by e of these units raises the mean
+//! square of its residuals by e². Half a unit is allowed (unless a view's `max_error` says otherwise), in addition to
+//! two standard errors of chance and to what a right fit leaves. The tube model's own prediction from the folder's maps
+//! must be within one unit, and so must the light box's transmittance by the slab of σa, σs and h + δ.
 
 use crate::report::exceeds;
 use crate::{Options, told};
@@ -25,17 +25,17 @@ use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use serde::Serialize;
 
-/// Pictures are not asked for more than this share of a value.
+/// Pictures need not be more accurate than this share of a value.
 const PICTURE: f64 = 0.005;
-/// How far a picture may be off where the view does not say.
+/// How far a picture may be off where the view does not state it.
 const ALLOWED: f64 = 0.5;
 
 /// One frame, drawn twice and compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaptureReport {
-    /// Of the view.
+    /// Name of the view.
     pub name: String,
-    /// Of the leaf in the scene.
+    /// Name of the leaf in the scene.
     pub leaf: String,
     /// `front` or `back`.
     pub side: &'static str,
@@ -49,16 +49,16 @@ pub struct CaptureReport {
     pub expected: f64,
     /// How far pictures may be off.
     pub allowed: f64,
-    /// By the real-time renderer.
+    /// The real-time renderer's picture.
     pub renderer: Drawn,
-    /// By the reference renderer.
+    /// The reference renderer's picture.
     pub reference: Drawn,
-    /// The renderer with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not have:
-    /// printed, not judged.
+    /// The renderer's picture with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not
+    /// have. It is printed, not judged.
     pub bounded: Drawn,
     /// How far the tube model's prediction and the light box are off, each in units of its own noise.
     pub model_off: f64,
-    /// `None` where the scan has no light box.
+    /// How far the light box is off; `None` where the scan has none.
     pub light_box_off: Option<f64>,
     /// File of the measured frame.
     pub measured_image: Option<String>,
@@ -68,13 +68,13 @@ pub struct CaptureReport {
     pub reference_image: Option<String>,
     /// Residuals of the renderer's picture: blue −4, white 0, red +4 units.
     pub residual_image: Option<String>,
-    /// Whether both pictures are as near to the measurement as the view asks.
+    /// Whether both pictures are as close to the measurement as the view asks.
     pub passed: bool,
     /// What was missed, a sentence each.
     pub why: Vec<String>,
 }
 
-/// A picture against the measurement, in the units of the rule.
+/// A picture compared with the measurement, in the units of the rule.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Drawn {
     pub reduced_chi2: f64,
@@ -82,13 +82,13 @@ pub struct Drawn {
     pub off: f64,
     pub share_beyond_3: f64,
     pub bias: f64,
-    /// Distance from the exact tube integral, which shares the measurement's noise with nothing: root mean square and
-    /// largest.
+    /// Distance from the exact tube integral, root mean square and largest. It does not depend on the measurement's
+    /// noise.
     pub from_model: f64,
     pub from_model_most: f64,
 }
 
-/// Draws and judges every capture view that the scene names, and one frame a side of every other fit that keeps some.
+/// Draws and judges every capture view of the scene, and one frame for each side of every other fit that stores frames.
 /// Sentences say what was skipped.
 pub fn all(
     scene: &Scene,
@@ -142,7 +142,7 @@ pub fn all(
     Ok((out, skipped))
 }
 
-/// The frame that a view asks for; the brightest of those that fit where it leaves something open.
+/// The frame that a view asks for; where it leaves something open, the brightest of the frames that match.
 fn chosen<'a>(kept: &'a Kept, view: &View) -> Option<&'a KeptFrame> {
     let fits = |f: &&KeptFrame| view.pass.is_none_or(|p| p == f.travel) && view.frame.is_none_or(|k| k == f.frame);
     kept.frames.iter().filter(fits).max_by(|a, b| light(a).total_cmp(&light(b)))
@@ -222,7 +222,7 @@ fn compare(scan: &Scan, frame: &KeptFrame, drawn: impl Fn(usize) -> [f64; 3]) ->
         for c in 0..3 {
             let d = (value[c] - f64::from(frame.predicted[c][k])) / unit[c];
             model += d * d;
-            // A picture that is no number is infinitely far.
+            // A picture with a value that is not a number counts as infinitely far off.
             most = if d.is_nan() { f64::INFINITY } else { most.max(d.abs()) };
             share += (scan.noise(value[c]) / unit[c]).powi(2);
         }

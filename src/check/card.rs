@@ -1,5 +1,5 @@
 //! A card view: one leaf's mean parameters on a flat patch, whose radiance has a closed form. Renderer and reference
-//! are both held against it.
+//! are both compared with it.
 
 use crate::cost::timed;
 use crate::pictures::save;
@@ -46,8 +46,8 @@ pub fn one_card(
     };
     let truth = transport::render(&world, &reference::camera(view), w, h, &sampling)?;
     out.reference_s = start.elapsed().as_secs_f64();
-    // The lobe's albedo under a sky is integrated for every pixel that is asked for: a few hundred over the picture
-    // tell.
+    // The lobe's albedo under a sky is integrated for every pixel that is compared, so only a few hundred over the
+    // picture are.
     let pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS)
         .map(|k| ((2 * (k % COLUMNS) + 1) * w / (2 * COLUMNS), (2 * (k / COLUMNS) + 1) * h / (2 * ROWS)))
         .collect();
@@ -55,7 +55,8 @@ pub fn one_card(
     let seen = compare::compare(&truth, &picture.ldr)?;
     (out.flip_mean, out.flip_p99, out.interior_share) = (seen.flip_mean, seen.flip_p99, seen.interior_share);
     let (worst, at) = relative(&picture.hdr, w, &pixels, &exact);
-    // The reference scatters its rays over pixel and sun: few pixels, many rays, for its own distance from the formula.
+    // The reference spreads its rays over pixel and sun. Few pixels with many rays show its own distance from the
+    // formula.
     let fine = transport::Options { samples_per_pixel: 64, sun_samples: 16, ..sampling };
     let own = transport::render(&world, &reference::camera(view), 2 * COLUMNS, 2 * ROWS, &fine)?;
     let own_pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS).map(|k| (2 * (k % COLUMNS), 2 * (k / COLUMNS))).collect();
@@ -78,8 +79,8 @@ pub fn one_card(
     Ok(out)
 }
 
-/// Largest relative difference of the radiance from the closed form, and the pixel; a tenth of a thousandth of the
-/// brightest is the floor.
+/// Largest relative difference of the radiance from the closed form, and the pixel where it occurs. The denominator is
+/// at least a tenth of a thousandth of the brightest radiance.
 fn relative(found: &[[f32; 4]], width: usize, pixels: &[(usize, usize)], exact: &[[f64; 3]]) -> (f64, (usize, usize)) {
     let floor = 1e-4 * exact.iter().flatten().fold(0.0, |a: f64, b| a.max(*b));
     let mut worst = (0.0, (0, 0));

@@ -1,9 +1,9 @@
-//! Whether a fit folder agrees with itself, whatever its hashes say: a map that was changed and hashed anew contradicts
-//! the others.
+//! Whether a fit folder agrees with itself, whatever its hashes say: a map that was changed and hashed again
+//! contradicts the other maps.
 //!
-//! Five things a fit writes twice: the mean thickness is h; ρd is γ times the reflectance of the leaf's slab at the
-//! texel's thickness; ρt is that slab's transmittance, in the median; normals lean the way the blade leans; the mask is
-//! the blade's outline.
+//! A fit writes five things twice. The mean thickness is h. ρd is γ times the reflectance of the leaf's slab at the
+//! texel's thickness. ρt is that slab's transmittance, in the median. Normals lean in the direction in which the blade
+//! leans. The mask is the blade's outline.
 
 use mesophyll_error::Result;
 use mesophyll_files::image::Maps;
@@ -18,12 +18,13 @@ use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Leaf;
 use rayon::prelude::*;
 
-/// Shares of texels that may stray (rims, where filling and filtering differ), and how far the others may.
+/// Shares of texels that may differ (at rims, where filling and filtering differ), and how far the others may be off.
 const STRAY: f64 = 0.01;
 const SAME: f64 = 1e-3;
-/// Median of the transmittance over the slab's: pigment makes single texels stray further, a leaf as a whole does not.
+/// Largest deviation of the median of the transmittance over the slab's. Pigment makes single texels differ more, but
+/// not a whole leaf.
 const TRANSMITTANCE: f64 = 0.1;
-/// Share of mask and outline in common.
+/// Smallest share that mask and outline must have in common.
 const OUTLINE: f64 = 0.9;
 
 /// A sentence for every contradiction in what the plan needs of a leaf.
@@ -64,7 +65,7 @@ pub fn contradictions(leaf: Leaf, ledger: &Ledger) -> Result<Vec<String>> {
     Ok(out)
 }
 
-/// Further than `by` from `expected`; a NaN is.
+/// Whether `value` is further than `by` from `expected`, or NaN.
 fn off(value: f64, expected: f64, by: f64) -> bool {
     value.is_nan() || (value - expected).abs() > by
 }
@@ -104,7 +105,7 @@ fn interior(fitted: &LeafFit, side: Side, maps: &Maps, good: &[usize]) -> Result
     Ok(out)
 }
 
-/// Normals and mask against the blade.
+/// Compares normals and mask with the blade.
 fn shape(fitted: &LeafFit, leaf: Leaf, s: usize, maps: &Maps, mesh: &LeafMesh) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let (w, h) = (maps.width, maps.height);
@@ -127,7 +128,7 @@ fn shape(fitted: &LeafFit, leaf: Leaf, s: usize, maps: &Maps, mesh: &LeafMesh) -
     let normals = pack::normals(&fitted.path(File::Maps, Side::ALL[s]), maps)?;
     let frames = frames::frames(&path, mesh, w, h)?;
     let on: Vec<usize> = (0..w * h).filter(|&k| mask[k] > 0.0 && covered[column(k)]).collect();
-    // The blade's relief comes from these normals: mirrored, they lean against it.
+    // The blade's relief comes from these normals. If they are mirrored, they lean against it.
     let (mut with, mut against) = ([0.0; 2], [0.0; 2]);
     for &k in &on {
         let of_mesh = frames[column(k)][2];

@@ -1,5 +1,5 @@
-//! What a frame costs: a view's times, and the share of the translucency maps, measured by drawing with and without
-//! them by turns.
+//! The cost of a frame: a view's times, and the share of the translucency maps, measured by drawing with and without
+//! them in turns.
 
 use crate::report::{Term, ViewReport};
 use crate::told;

@@ -1,7 +1,7 @@
 //! The hours of a scene's day: the first perspective view under each of them, as one picture, from the fitted
 //! polynomials.
-//!
-//! The mosaic has four columns, in the order of the hours. With every hour goes how far its coefficients are from
+//! The mosaic has four columns, in the order of the hours. For every hour it is stated how far its coefficients are
+//! from integrated ones.
 //! integrated ones.
 
 use crate::told;
@@ -21,11 +21,11 @@ use std::path::Path;
 pub struct Hour {
     /// Solar time; 12 is noon.
     pub hour: f64,
-    /// Of the sun, from straight up.
+    /// Angle of the sun from straight up.
     pub zenith_deg: f64,
-    /// Of the sun, from +x towards +y.
+    /// Azimuth of the sun, from +x towards +y.
     pub azimuth_deg: f64,
-    /// The sun's, on a surface that faces it.
+    /// Irradiance of the sun on a surface that faces it.
     pub sun: [f64; 3],
     /// Root of the sum of squared differences from integrated coefficients over c00, worst channel.
     pub fit_error: f64,
@@ -36,7 +36,7 @@ const COLUMNS: usize = 4;
 
 /// The hours as one picture.
 pub struct Strip {
-    /// In the order of the day.
+    /// The hours, in the order of the day.
     pub hours: Vec<Hour>,
     /// Columns and rows of pixels.
     pub size: (usize, usize),

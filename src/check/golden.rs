@@ -1,12 +1,13 @@
-//! Golden pictures: what the renderer drew of every view of a scene, small, committed beside the scene files. A check
-//! takes its truth from the fit, so that a fit which is wrong but consistent, and hashed anew, passes it; against its
-//! golden it draws another picture.
+//! Golden pictures: small pictures that the renderer drew of every view of a scene, committed beside the scene files. A
+//! check takes its truth from the fit, so a fit that is wrong but consistent, and hashed again, passes it. Compared
+//! with its golden, it draws a different picture.
 //!
-//! The limits come from what two adapters may differ by, not from what a change of a fit does. On Mesa's software
-//! adapter Vulkan holds maps in 32 bits and OpenGL in 16, as many GPUs do; between the two the committed scenes differ
-//! by a mean FLIP of at most 4.0e-4, cards (one colour, which rounding may move by one step of 8 bits as a whole) by at
-//! most 3.4e-3; 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits lie about twice as
-//! high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel.
+//! The limits follow from how far two adapters may differ, not from the effect of a changed fit. On Mesa's software
+//! adapter, Vulkan stores maps in 32 bits and OpenGL in 16, as many GPUs do. Between the two, the committed scenes
+//! differ by a mean FLIP of at most 4.0e-4, and cards by at most 3.4e-3 (they have one colour, which rounding may move
+//! as a whole by one step of 8 bits). 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits
+//! are about twice as high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of
+//! one pixel.
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
@@ -21,12 +22,12 @@ const LONGEST: u32 = 200;
 /// Largest mean FLIP error over all pixels of a view, and of a card.
 pub const FLIP_MEAN: [f64; 2] = [1e-3, 6e-3];
 
-/// A pixel has changed where a displayed value differs by more than this many of 255 steps: more than rounding and
-/// 16-bit maps make it.
+/// A pixel has changed where a displayed value differs by more than this many of 255 steps, which is more than rounding
+/// and 16-bit maps cause.
 const STEPS: u8 = 4;
 
 /// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels
-/// 2.4e-4 of them did; edges take a four times larger share of a golden's pixels.
+/// that happened to 2.4e-4 of them; in a golden, edges take a four times larger share of the pixels.
 pub const CHANGED: f64 = 2e-3;
 
 /// How far a picture is from its golden.
@@ -47,7 +48,7 @@ pub struct Comparison {
 }
 
 impl Figures {
-    /// What is too large, in words; `None` where both figures keep their limits. A NaN does not.
+    /// What is too large, in words; `None` where both figures are within their limits. A NaN is too large.
     pub fn missed(&self, card: bool) -> Option<String> {
         let (mut out, limit) = (Vec::new(), FLIP_MEAN[usize::from(card)]);
         if !(self.flip_mean <= limit) {
@@ -64,7 +65,7 @@ impl Figures {
     }
 }
 
-/// Frames, and texels of the longer side, of a scan that is made for golden pictures alone.
+/// Number of frames, and of texels along the longer side, of a scan that is made only for golden pictures.
 const SMALL_SCAN: (usize, usize) = (24, 96);
 
 /// Makes the scans of leaves that have no fit of their own small, so that scanning and fitting them takes seconds.
@@ -80,7 +81,7 @@ pub fn small_scans(manifest: &mut Manifest) {
     }
 }
 
-/// Whether the scene as it stands draws its goldens: where leaves are scanned first, only a scene with [`small_scans`]
+/// Whether the scene as it stands draws its goldens. Where leaves are scanned first, only a scene with [`small_scans`]
 /// does.
 pub fn applies(manifest: &Manifest) -> bool {
     !manifest.leaves.iter().any(|l| l.fit.is_none() && l.scan.is_some())
@@ -151,12 +152,12 @@ mod tests {
         write(&path, w, h, &drawn).unwrap();
         let figures = |pixels: &[[u8; 4]]| compare(&path, w, h, pixels).unwrap().figures;
         assert_eq!(figures(&drawn), Figures { flip_mean: 0.0, changed: 0.0 });
-        // 116 pixels of 800 × 600 lie on the other side of an edge; at this size edges are as long and pixels four
-        // times as large a side.
+        // 116 pixels of 800 × 600 are on the other side of an edge. At this size the edges have the same length, and a
+        // pixel's side is four times as large.
         let edges: Vec<[u8; 4]> =
             drawn.iter().enumerate().map(|(k, p)| if k % 1000 == 0 { [255, 255, 255, 255] } else { *p }).collect();
         assert!(figures(&edges).changed == 1e-3, "{:?}", figures(&edges));
-        // Everything a little brighter is no pixel's change and yet another picture.
+        // Making everything a little brighter changes no single pixel enough, but it is a different picture.
         let brighter: Vec<[u8; 4]> = drawn.iter().map(|p| p.map(|v| v.saturating_add(3))).collect();
         let seen = figures(&brighter);
         assert!(seen.changed == 0.0 && seen.missed(false).is_some_and(|why| why.contains("mean FLIP")), "{seen:?}");

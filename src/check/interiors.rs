@@ -1,5 +1,5 @@
-//! W's scalars against pigment maps: what each costs in bytes, how far each is from the fit's own ρd and ρt maps, and
-//! how far its picture is from the picture that those maps give.
+//! W's scalars compared with pigment maps: the bytes that each takes, how far each is from the fit's own ρd and ρt
+//! maps, and how far its picture is from the picture that those maps give.
 
 use crate::{open, told};
 use mesophyll_error::Result;
@@ -20,17 +20,17 @@ use std::path::Path;
 /// One leaf with one kind of interior.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Row {
-    /// Its name in the scene.
+    /// Name of the leaf in the scene.
     pub leaf: String,
     /// `scalars` or `maps`.
     pub interior: &'static str,
-    /// Uploaded for the interior: γ, δ and curve, or two maps a side.
+    /// Bytes uploaded for the interior: γ, δ and curve, or two maps a side.
     pub bytes: u64,
     /// Root mean square of ρ/ρ_fit − 1 over the good texels of the sides in use, ρd and ρt together.
     pub fit_error: f64,
-    /// 99th percentile of FLIP and largest interior error against the picture of the fit's own maps, worst view.
+    /// 99th percentile of FLIP, compared with the picture of the fit's own maps; worst view.
     pub picture_flip_p99: f64,
-    /// Of a displayed value, 0 to 1, over the leaf's inner pixels.
+    /// Largest error of a displayed value, 0 to 1, over the leaf's inner pixels.
     pub picture_max_error: f64,
 }
 
@@ -107,7 +107,7 @@ fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     Ok(world)
 }
 
-/// Root mean square of the model's ρd and ρt over the fit's own, less one.
+/// Root mean square of the model's ρd and ρt divided by the fit's own, less one.
 fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(f64::NAN) };
     let (mut sum, mut count) = (0.0, 0u64);
@@ -121,7 +121,7 @@ fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
         let p = maps.require_planes(&fitted.path(File::Maps, side), &[&one[..], &three].concat())?;
         let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
         let n = maps.width * maps.height;
-        // Tens of thousands of texels tell a root mean square.
+        // Tens of thousands of texels are enough for a root mean square.
         for k in (0..n).step_by((n / 20_000).max(1)).filter(|&k| p[0][k] > 0.0 && p.iter().all(|q| q[k].is_finite())) {
             let h = f64::from(p[1][k]);
             for c in 0..3 {

@@ -2,7 +2,8 @@
 //! that a ray is followed through, as the same slices in polygons that are sorted and blended (H9 §2.2), and blade by blade,
 //! instanced with levels of detail. Each picture is held against the path-traced blades.
 //!
-//! Blades have the sun's shadow maps, which are drawn once and kept, and the sky's light as if each stood alone.
+//! The sun's light on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is as if it
+//! stood alone.
 
 use crate::{blocks, open, told};
 use glam::{DVec3, Vec3};
@@ -21,18 +22,19 @@ use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::sync::Arc;
 
-/// A setting, how far its picture is from path-traced blades (FLIP, 99 %; NaN where it was not drawn), and a frame's time.
+/// A setting, how far its picture is from path-traced blades (99th percentile of FLIP; NaN where it was not drawn), and
+/// the time of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// What was turned.
+    /// The knob that was changed.
     pub knob: &'static str,
-    /// Its setting, and how the lawn was drawn.
+    /// The knob's setting, and how the lawn was drawn.
     pub setting: String,
     /// 99th percentile of FLIP.
     pub error: f64,
     /// Median time of a frame (µs).
     pub us: f64,
-    /// What else is to be known.
+    /// Further remarks.
     pub note: String,
 }
 
@@ -45,7 +47,7 @@ enum Drawn {
 }
 
 const LAWN: &str = include_str!("../../data/grass/lawn.toml");
-/// Blades on a square metre of the lawn.
+/// Number of blades on a square metre of the lawn.
 const PER_M2: f64 = 21_000.0;
 /// Elevations of the eye over the ground (degrees), distances (mm), and densities over the thinnest lawn's.
 const ELEVATIONS: [f64; 5] = [8.0, 20.0, 40.0, 65.0, 90.0];
@@ -55,20 +57,20 @@ const DENSITIES: [f64; 3] = [1.0, 4.0, 16.0];
 pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len()) as u64;
 /// Pixels and steps of Table 2.1's rows, and its speed-ups.
 const TABLE: [([u32; 2], u32, f64); 3] = [([1024, 768], 4, 1.56), ([1024, 768], 16, 2.67), ([1600, 1200], 4, 1.93)];
-/// Pixels of the pictures that are judged, paths a pixel, and pixels along the side of a block.
+/// Pixels of the pictures that are judged, paths for each pixel, and pixels along the side of a block.
 const SIZE: [u32; 2] = [240, 160];
 const PATHS: u32 = 48;
 const BLOCK: usize = 20;
 const FRAMES: usize = 3;
 
-/// A lawn, ready to be drawn in all ways.
+/// A lawn that can be drawn in all ways.
 struct Lawn {
     scene: Scene,
     base: viewer::Scene,
 }
 
 impl Lawn {
-    /// With so many blades on a square metre, on a square of so many rectangles of 400 mm.
+    /// A lawn with this many blades on a square metre, on a square of this many rectangles of 400 mm.
     fn new(per_m2: f64, tiles: usize) -> Result<Lawn> {
         let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a lawn: {e}")))?;
         let write =
@@ -140,7 +142,8 @@ impl Lawn {
     }
 }
 
-/// An eye at an elevation (degrees), so far from the lawn's middle (mm), that sees so much of it (mm, up and down).
+/// An eye at an elevation (degrees) and a distance from the lawn's middle (mm), that sees `seen` mm of it from top to
+/// bottom.
 fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transport::Camera) {
     let ((se, ce), (sa, ca)) = (elevation.to_radians().sin_cos(), 20f64.to_radians().sin_cos());
     let (eye, target) = (distance * DVec3::new(ce * ca, ce * sa, se), DVec3::new(0.0, 0.0, 20.0));
@@ -151,7 +154,8 @@ fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transpor
     (here, transport::Camera { eye, target, up, fov_y_deg })
 }
 
-/// How far a picture is from the truth: FLIP (99 %), and the mean of its blocks less the truth's, over it (root mean square).
+/// How far a picture is from the truth: FLIP (99 %), and the root mean square of the relative difference of the means
+/// of blocks.
 fn apart(truth: &ReferencePicture, picture: &gpu::Picture) -> Result<(f64, f64)> {
     let flip = compare(truth, &picture.ldr)?.flip_p99;
     let means = |hdr: &[[f32; 4]]| blocks::means(hdr, [truth.width, truth.height], BLOCK);
@@ -175,7 +179,7 @@ impl Drawn {
     }
 }
 
-/// All rows, drawn in one run on one adapter, which notes name.
+/// All rows, drawn in one run on one adapter, which the notes name.
 ///
 /// # Errors
 /// [`Error::Missed`] without an adapter, and those of reading, drawing and of a stop.

@@ -1,9 +1,9 @@
-//! The check: every view of a scene drawn by the GPU renderer, judged against the CPU reference (a card: against its
-//! closed form), against golden pictures where the scene has them, and against the thresholds that the scene states. A
+//! The check. Every view of a scene is drawn by the GPU renderer. It is compared with the CPU reference (a card: with
+//! its closed form), with golden pictures where the scene has them, and with the thresholds that the scene states. A
 //! check of the goldens alone needs no reference and takes seconds.
 //!
-//! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed
-//! beside each threshold. Frame times are judged on real GPUs only.
+//! Errors are those of displayed values, 0 to 1. The noise of the reference is measured with a second seed and printed
+//! beside each threshold. Frame times are judged only on real GPUs.
 
 #![warn(missing_docs)]
 
@@ -39,7 +39,7 @@ use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use std::path::PathBuf;
 
-/// What a check is told beside the scene.
+/// The options of a check, besides the scene.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Where pictures and `check.json` go.
@@ -53,12 +53,12 @@ pub struct Options {
 /// Opens the adapter.
 ///
 /// # Errors
-/// [`Error::Missed`] when there is none: a check never passes unlooked.
+/// [`Error::Missed`] when there is none: a check never passes without having looked.
 pub fn open() -> Result<gpu::Renderer> {
     gpu::Renderer::headless(&gpu::Options::default()).map_err(|e| Error::Missed(format!("nothing was checked: {e}")))
 }
 
-/// A renderer's complaint in our words.
+/// A renderer's error in our words.
 pub fn told(e: gpu::Error) -> Error {
     Error::Missed(format!("the renderer failed: {e}"))
 }
@@ -120,15 +120,15 @@ fn against_reference(
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
         let mut drawn = handover::scene(scene, ledger)?;
-        // The path tracer follows light through everything, not only through what a view sees. It alone draws leaves by
-        // their layers, and a lawn's blades in each other's shade.
+        // The path tracer follows light through everything, not only through what a view sees. Only the path tracer
+        // draws leaves by their layers, and a lawn's blades in each other's shade.
         let layers = scene.drawn().any(|leaf| leaf.config.layers.is_some());
         let traced = plan.light.between.is_some() || !placed.grass.is_empty() || layers;
         let mut world = if traced { transport::World::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
-        // Views of one time share the reference's trees.
+        // Views of the same time share the reference's trees.
         let mut times: Vec<f64> = perspective.iter().map(|v| branch::time(manifest, v)).collect();
         times.dedup();
         if !placed.moves().any() {

@@ -1,5 +1,5 @@
-//! What light between leaves is worth: every view of a scene drawn in several ways, each with its error against the
-//! path tracer, its time and its bytes (Wang et al. 2005, Fig. 8 and 9).
+//! What light between leaves is worth: every view of a scene is drawn in several ways, each with its error compared
+//! with the path tracer, its time and its bytes (Wang et al. 2005, Fig. 8 and 9).
 //!
 //! | name | what it is |
 //! |---|---|
@@ -11,9 +11,9 @@
 //! | `wavelets` | the light cut to 1,000 Haar wavelets of a 32² · 6 cube map (Ng et al. 2003), otherwise true |
 //! | `path tracer` | the reference with another seed: what its own noise amounts to |
 //!
-//! Without a sun only `transfer` and `alone` are left of the first five. Wavelets are drawn by the path tracer, since a
-//! picture under light that was cut is all that the method could draw. Their bytes are from sizes: a coefficient in
-//! half precision for each pixel, wavelet and colour, before any compression.
+//! Without a sun, only `transfer` and `alone` of the first five are left. Wavelets are drawn by the path tracer,
+//! because the method could draw at best a picture under the cut light. Their bytes are computed: one coefficient in
+//! half precision for each pixel, wavelet and colour, without any compression.
 
 use crate::{Options, open, told};
 use mesophyll_error::{Error, Result};
@@ -34,12 +34,12 @@ use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A way to draw a view, and what it is worth.
+/// A way to draw a view, with its error, time and bytes.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Row {
     /// The view's name.
     pub view: String,
-    /// See the table of the module.
+    /// One of the names in the module's table.
     pub method: &'static str,
     /// 99th percentile of FLIP against the path tracer, over the whole picture.
     pub flip_p99: f64,
@@ -47,16 +47,16 @@ pub struct Row {
     pub flip_mean: f64,
     /// Root of the mean square of the difference in radiance over pixels that show leaves, over their mean radiance.
     pub rms_over_mean: f64,
-    /// Of a frame (median), or of the whole picture of the path tracer.
+    /// Time of a frame (median), or of the whole picture of the path tracer.
     pub milliseconds: f64,
-    /// What is kept for the light: operators, shares of the sun, shadow maps, wavelets.
+    /// Bytes that are stored for the light: operators, shares of the sun, shadow maps, wavelets.
     pub light_bytes: u64,
     /// File of the picture.
     pub picture: String,
 }
 
-/// Wavelets that are kept, side of the cube map, and rows of the environment map that it is drawn as (Wang et al. 2005,
-/// Fig. 9).
+/// Number of wavelets that are kept, side of the cube map, and rows of the environment map that it is drawn as (Wang et
+/// al. 2005, Fig. 9).
 const WAVELETS: usize = 1000;
 const SIDE: usize = 32;
 const ROWS: usize = 256;
@@ -184,13 +184,13 @@ impl Weighing<'_> {
         })
     }
 
-    /// The view under light that was cut to its largest wavelets. The background stays the scene's own.
+    /// The view under light that was cut to its largest wavelets. The background is the scene's own.
     fn cut_light(&self, truth: &ReferencePicture) -> Result<ReferencePicture> {
         let mut cube = CubeLight::new(self.world, SIDE)?;
         cube.keep(WAVELETS);
         let map = cube.environment(ROWS)?;
         let mut world = World { sun: None, sky: None, dome: None, ..self.world.clone() };
-        // Translucency maps are of a sun in one direction, which this light does not have.
+        // Translucency maps belong to a sun in one direction, which this light does not have.
         world.through.clear();
         world.environment = Some(Arc::new(map.clone()));
         let sampling = Sampling::of(self.scene, self.scene.manifest.check.seed);
@@ -214,7 +214,7 @@ impl Weighing<'_> {
         Ok(out)
     }
 
-    /// What is seen where nothing stands.
+    /// The background in a direction where nothing stands.
     fn background(&self, d: glam::DVec3) -> [f64; 3] {
         match &self.world.dome {
             Some(dome) if d.z > 0.0 => (dome.radiance)(d).map(|v| v.max(0.0)),
@@ -258,7 +258,7 @@ fn ways(own: &viewer::Scene) -> Vec<(&'static str, viewer::Scene)> {
 
 /// What the renderer keeps for the light of a scene.
 fn bytes(scene: &viewer::Scene) -> u64 {
-    // What was set to nothing for a comparison would not be kept.
+    // What was set to zero for a comparison would not be stored.
     let lit = |t: &&viewer::Transfer| t.entries.iter().any(|e| *e != [0.0; 4]);
     let operators = scene.transfer.as_ref().filter(lit).map_or(0, |t| 8 * t.entries.len() as u64);
     let seen = |s: &&Arc<Vec<u8>>| s.iter().any(|v| *v > 0);

@@ -1,5 +1,5 @@
-//! A view of the scene: the renderer's picture against the reference's, with translucency by the convolution or as the
-//! maps store it, and against the golden picture where there is one.
+//! A view of the scene: the renderer's picture compared with the reference's, with translucency by the convolution or
+//! as the maps store it, and with the golden picture where there is one.
 
 use crate::blocks;
 use crate::cost::timed;
@@ -40,7 +40,7 @@ pub fn one_view(
     let seed = manifest.check.seed;
     let mut truth = stages.truth.view(scene, view, seed)?;
     if let Some(by_maps) = stages.by_maps {
-        // The same rays: what differs is the basis.
+        // Both use the same rays, so they differ only by the basis.
         let stored = by_maps.view(scene, view, seed)?;
         let basis = compare::compare(&truth, &stored.ldr)?;
         out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
@@ -69,7 +69,7 @@ pub fn one_view(
     (out.noise_flip_p99, out.noise_max_error) = (Some(noise.flip_p99), noise.max_error);
     out.judge_against_reference();
     if let Some(stage) = stages.true_leaf {
-        // The same rays: what differs is the fit.
+        // Both use the same rays, so they differ only by the fit.
         let grown = stage.view(scene, view, seed)?;
         let apart = compare::compare(&grown, &picture.ldr)?;
         let file = format!("{}-true-leaf.png", view.name);

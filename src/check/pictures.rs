@@ -1,4 +1,4 @@
-//! The pictures that a check leaves beside its figures.
+//! The pictures that a check writes besides its figures.
 
 use crate::Options;
 use crate::report::ViewReport;
@@ -25,7 +25,8 @@ pub fn save(
     image::write_png(&options.out.join(&names[0]), w, h, picture.ldr.as_flattened())?;
     image::write_png(&options.out.join(&names[1]), w, h, truth.ldr.as_flattened())?;
     image::write_png(&options.out.join(&names[2]), w, h, &compare::difference_picture(&truth.ldr, &picture.ldr, GAIN))?;
-    // Twice what is seen and twice what is allowed both lie on the scale, so that maps of good pictures are not black.
+    // The scale includes twice the error that is seen and twice the error that is allowed, so that maps of good
+    // pictures are not black.
     let needed = 2.0 * seen.flip_p99.max(view.threshold_flip_p99.unwrap_or(0.0));
     let top = TOPS.into_iter().find(|t| *t >= needed).unwrap_or(1.0);
     image::write_png(&options.out.join(&names[3]), seen.width, seen.height, &seen.flip_picture(top))?;

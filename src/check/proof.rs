@@ -1,4 +1,4 @@
-//! Every view drawn small and compared with its golden picture, or written as one.
+//! Every view, drawn small and compared with its golden picture, or written as one.
 
 use crate::report::ViewReport;
 use crate::{Options, Report, told};
@@ -61,7 +61,7 @@ fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options
     Ok(out)
 }
 
-/// Draws a view of the scene that the renderer holds small, and judges it by its golden where that applies.
+/// Draws small the view that the renderer holds, and judges it by its golden where that applies.
 pub fn judge_view(
     manifest: &Manifest,
     view: &View,
@@ -77,7 +77,8 @@ pub fn judge_view(
     judge(manifest, (w as usize, h as usize), &picture.ldr, options, out)
 }
 
-/// The hours of the scene's day as one picture more, where it has a day and there is, or will be, a golden of it.
+/// The hours of the scene's day as one more picture, where the scene has a day and a golden of it exists or will be
+/// written.
 pub fn hours(
     scene: &Scene,
     drawn: &gpu::scene::Scene,
@@ -101,8 +102,8 @@ pub fn hours(
     Ok(())
 }
 
-/// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone asks for one
-/// that is not there.
+/// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone requires a
+/// golden that does not exist.
 fn judge(
     manifest: &Manifest,
     (w, h): (usize, usize),

@@ -9,23 +9,23 @@ use serde_json::{Value, json};
 /// The verdict.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
-    /// Every view, capture and file is as the scene asks.
+    /// Whether every view, capture and file is as the scene asks.
     pub passed: bool,
-    /// Who drew: name, interface and driver.
+    /// What drew: name, interface and driver.
     pub adapter: String,
-    /// Drawn by the CPU: frame times are printed, not judged.
+    /// Whether the CPU drew: then frame times are printed, not judged.
     pub software: bool,
-    /// In the order of the scene.
+    /// The views, in the order of the scene.
     pub views: Vec<ViewReport>,
-    /// Leaves as their scans saw them, against held-out frames.
+    /// Leaves as their scans saw them, compared with held-out frames.
     pub captures: Vec<CaptureReport>,
     /// Capture views that could not be drawn, a sentence each; they are not judged.
     pub skipped: Vec<String>,
-    /// What else went wrong, a sentence each: files that are not what was fitted.
+    /// What else went wrong, one sentence each: files that are not as they were fitted.
     pub failures: Vec<String>,
-    /// What is strange about the scene and fails nothing: see [`mesophyll_scene::plan::Plan::warnings`].
+    /// Warnings about the scene that do not fail the check: see [`mesophyll_scene::plan::Plan::warnings`].
     pub warnings: Vec<String>,
-    /// What was uploaded (name, bytes) and compiled for the perspective views.
+    /// What was uploaded for the perspective views (name, bytes).
     pub uploads: Vec<(String, u64)>,
     /// Names of the pipelines that were made.
     pub pipelines: Vec<String>,
@@ -35,44 +35,45 @@ pub struct Report {
     pub day: Vec<Hour>,
 }
 
-/// The translucency maps' term against the whole shader, in one run on one adapter.
+/// The cost of the translucency maps' term compared with the whole shader, in one run on one adapter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
-    /// Median time of the main pass (of a frame where the adapter has no clock) of the first perspective view, ms, with
-    /// the term and with the cosine of the mesh's normal in its place; `None` where a frame takes seconds.
+    /// Median time (ms) of the main pass of the first perspective view (of a frame where the adapter has no clock),
+    /// with the term, and with the cosine of the mesh's normal instead of it. `None` where a frame takes seconds.
     pub ms: Option<[f64; 2]>,
-    /// Operations of the dearest leaf's shader, both arms of every branch and loops once, with the term and without.
+    /// Operations of the most expensive leaf's shader, with the term and without. Both arms of every branch count, and
+    /// loops count once.
     pub operations: [usize; 2],
 }
 
 /// One view's figures; `None` where there was nothing to measure.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ViewReport {
-    /// As the scene calls it.
+    /// The name of the view in the scene.
     pub name: String,
-    /// It is a card, judged against its closed form.
+    /// Whether it is a card, which is judged by its closed form.
     pub card: bool,
     /// Mean of FLIP (Andersson et al. 2020) over the picture, 0 to 1.
     pub flip_mean: f64,
     /// 99th percentile of FLIP.
     pub flip_p99: f64,
-    /// Largest error; for a card, relative, against the closed form.
+    /// Largest error; for a card, the largest relative error compared with the closed form.
     pub max_error: Option<f64>,
     /// Column and row of the largest error.
     pub max_at: Option<(usize, usize)>,
     /// Share of the leaf's pixels that the largest error looks at.
     pub interior_share: f64,
-    /// The reference's own noise: the same two measures between two seeds; for a card, its error against the closed
-    /// form.
+    /// The reference's own noise, the 99th percentile of FLIP between two seeds; for a card, its error compared with
+    /// the closed form.
     pub noise_flip_p99: Option<f64>,
-    /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the
-    /// reference by the convolution.
+    /// The error of the translucency maps' directional basis: the reference with the stored coefficients compared with
+    /// the reference with the convolution.
     pub basis: Option<(f64, f64)>,
-    /// Judged by the means of blocks of so many pixels a side.
+    /// The view is judged by the means of blocks with this many pixels a side.
     pub blocks: Option<u32>,
-    /// Judged against the reference by the stored coefficients.
+    /// Whether the view is judged by the reference with the stored coefficients.
     pub by_maps: bool,
-    /// The same for the largest error.
+    /// The reference's noise in the largest error.
     pub noise_max_error: Option<f64>,
     /// The largest 99th percentile of FLIP that the scene allows.
     pub threshold_flip_p99: Option<f64>,
@@ -80,15 +81,15 @@ pub struct ViewReport {
     pub threshold_max_error: f64,
     /// How far the small picture is from the scene's golden picture, where there is one.
     pub golden: Option<golden::Figures>,
-    /// Nothing but the golden was looked at.
+    /// Whether only the golden was compared.
     pub golden_only: bool,
-    /// The renderer's picture against the reference's of the true leaves.
+    /// The renderer's picture compared with the reference's picture of the true leaves.
     pub true_leaf: Option<TrueLeaf>,
     /// Median time of a frame, ms.
     pub frame_ms_median: f64,
     /// 95th percentile of the time of a frame, ms.
     pub frame_ms_p95: f64,
-    /// Drawn in a frame, instances counted each.
+    /// Triangles drawn in a frame; every instance counts.
     pub triangles: u64,
     /// The largest median time of a frame that the scene allows, ms; judged on real GPUs only.
     pub threshold_frame_ms: Option<f64>,
@@ -98,18 +99,19 @@ pub struct ViewReport {
     pub reference_s: f64,
     /// Files of the picture, the reference, the difference and the FLIP map.
     pub pictures: Option<[String; 4]>,
-    /// What the lightest colour of the FLIP map stands for.
+    /// The error that the lightest colour of the FLIP map stands for.
     pub flip_top: Option<f64>,
-    /// What white (and, negated, black) stands for in the picture of the difference; displayed values are 0 to 1.
+    /// The difference that white (and, negated, black) stands for in the picture of the difference; displayed values
+    /// are 0 to 1.
     pub difference_top: Option<f64>,
-    /// Nothing of `why` stands against it.
+    /// Whether there is no reason in `why` against it.
     pub passed: bool,
     /// What was missed, a sentence each.
     pub why: Vec<String>,
 }
 
-/// What the fit costs where the true leaves are known: the picture from the fit against the reference's picture of the
-/// truth.
+/// The error that the fit causes, where the true leaves are known: the picture from the fit compared with the
+/// reference's picture of the truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueLeaf {
     pub flip_mean: f64,
@@ -118,7 +120,7 @@ pub struct TrueLeaf {
     pub picture: String,
 }
 
-/// Above the limit; a NaN is too.
+/// Whether the value is above the limit, or NaN.
 pub fn exceeds(value: f64, limit: f64) -> bool {
     value.is_nan() || value > limit
 }
@@ -234,7 +236,7 @@ impl ViewReport {
 }
 
 impl Report {
-    /// The contract's JSON and more.
+    /// The JSON of the contract, with further fields.
     pub fn json(&self, manifest: &Manifest) -> Value {
         let mut out = json!({
             "scene": manifest.name,

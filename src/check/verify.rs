@@ -1,4 +1,4 @@
-//! Whether the fits that a scene uses are still what was fitted: their content hashes, the record hash of their
+//! Whether the fits that a scene uses are still as they were fitted: their content hashes, the record hash of their
 //! numbers, and whether their maps agree with each other.
 
 use crate::consistency;
@@ -11,7 +11,8 @@ use mesophyll_scene::loaded::Scene;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// A sentence for every fit that was changed since it was written: of leaves, of translucency maps and of branches.
+/// One sentence for every fit that was changed since it was written: fits of leaves, of translucency maps and of
+/// branches.
 ///
 /// # Errors
 /// [`mesophyll_error::Error::Input`] for a file that cannot be read.

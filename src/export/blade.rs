@@ -30,7 +30,8 @@ impl Mesh {
         }
     }
 
-    /// The same surface seen from behind: triangles wound the other way, normals turned, tangents still along +u.
+    /// The same surface seen from behind: the winding of triangles is reversed, normals are turned, and tangents still
+    /// point along +u.
     pub fn turned(&self) -> Mesh {
         Mesh {
             positions: self.positions.clone(),

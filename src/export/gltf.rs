@@ -1,9 +1,10 @@
-//! The blade as binary glTF 2.0: a primitive a side, each with its own material, textures embedded, nodes scaled to
-//! metres.
+//! The blade as binary glTF 2.0: one primitive for each side, with its own material; textures are embedded, and nodes
+//! scale to metres.
 //!
-//! Material: base colour ρd, metalness 0, roughness √m (glTF's α is roughness squared; Beckmann's m stands in for α),
-//! specular colour ρs over the 0.04 that a reader assumes. `translucent` splits what is not reflected as glTF's diffuse
-//! transmission has it: with t the share of ρt in ρd + ρt, base colour = ρd/(1 − t) and transmission colour = ρt/t.
+//! The material has the base colour ρd, metalness 0, the roughness √m (glTF's α is roughness squared, and Beckmann's m
+//! takes the place of α), and the specular colour ρs divided by the 0.04 that a reader assumes. `translucent` divides
+//! the light that is not reflected in the way of glTF's diffuse transmission: with t the share of ρt in ρd + ρt, base
+//! colour = ρd/(1 − t) and transmission colour = ρt/t.
 
 use super::blade::Mesh;
 use super::side::SideMaps;
@@ -40,7 +41,7 @@ pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) 
         });
         let indices = file.indices(&shape.indices);
         primitives.push(json!({"attributes": attributes, "indices": indices, "material": materials.len(), "mode": 4}));
-        // A one-sided fit shows its one side from behind as well.
+        // A fit of one side shows this side from behind, too.
         materials.push(material(&mut file, side, &blade, folder, path, turn, translucent, sides.len() == 1)?);
     }
     let mut used = vec!["KHR_materials_specular"];
@@ -85,7 +86,7 @@ fn material(
         // The factor sits in the alpha channel, so this picture alone is RGBA.
         let alpha = pixels(side, turn, |k| [data_byte(share(k), 0.0, 1.0); 3]);
         let factor = file.texture(&name("transmitted share"), &encode_alpha(path, width, height, &alpha)?);
-        // Split with the byte that the reader will see, not with the exact share.
+        // The split uses the byte that the reader will see, not the exact share.
         let split = |k: usize| (f32::from(data_byte(share(k), 0.0, 1.0)) / 255.0).clamp(1e-3, 1.0 - 1e-3);
         let through = png(&|k| at(rho_t, k).map(|v| to_srgb8(v / split(k))))?;
         extensions["KHR_materials_diffuse_transmission"] = json!({

@@ -1,4 +1,5 @@
-//! Fits in formats other programs read. Values are written as fitted; what a format cannot say is said beside it.
+//! Fits in formats that other programs read. Values are written as fitted; what a format cannot express is written in a
+//! file beside it.
 
 #![warn(missing_docs)]
 
@@ -55,7 +56,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// What it is called on the command line.
+    /// The format's name on the command line.
     pub fn name(self) -> &'static str {
         self.into()
     }
@@ -84,8 +85,8 @@ impl Format {
 /// Writes the fit in `folder` as `format` to `path`; returns every file written.
 ///
 /// # Errors
-/// [`Error::Input`] when the fit or a map it needs cannot be read, [`Error::Usage`] when this kind of fit has nothing
-/// of the sort, [`Error::Write`].
+/// [`Error::Input`] when the fit or a map that it needs cannot be read, [`Error::Usage`] when this kind of fit cannot
+/// be written in the format, [`Error::Write`].
 pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Vec<PathBuf>> {
     let record = FitRecord::read(folder)?;
     if format == Format::Pivots {

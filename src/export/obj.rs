@@ -1,4 +1,5 @@
-//! The blade as Wavefront OBJ (mm, normals, texture coordinates with v upwards), a material a side, pictures beside it.
+//! The blade as Wavefront OBJ (mm, normals, texture coordinates with v upwards), with one material for each side and
+//! pictures beside the file.
 //!
 //! `map_Kd` is ρd (sRGB), `Ks` the mean ρs, `Ns` = 2/m² − 2 the Phong exponent of the mean roughness (Walter et al.
 //! 2007, §5.2), `norm` the normals, `map_Pr` the roughness √m for readers of the physically based extension. ρt has no
@@ -20,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// Writes `PATH`, and beside it `STEM.mtl` and `STEM_front_rho_d.png` ….
 pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path) -> Result<Vec<PathBuf>> {
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    // A blank in a file name ends it for most readers of these formats.
+    // For most readers of these formats, a blank ends a file name.
     if stem.is_empty() || stem.contains(char::is_whitespace) {
         return Err(Error::Usage(format!(
             "{}: expected an output name without blanks, such as leaf.obj",
@@ -75,7 +76,7 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path)
     claim::file(&name(".mtl"), &["mtl"], &[])?;
     atomic::write_bytes(&name(".mtl"), materials.as_bytes())?;
     written.push(name(".mtl"));
-    // The mesh last: when it is there, everything it names is.
+    // The mesh is written last: when it exists, everything that it names exists.
     atomic::write_bytes(path, text.as_bytes())?;
     Ok(written)
 }

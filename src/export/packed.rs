@@ -1,5 +1,5 @@
-//! W's packing (Wang et al. 2005, §5) for a renderer: a side has one RGBA texture of γ and δ, one of ρs and m, and the
-//! normals in the blade's tangent frame, all as float OpenEXR.
+//! W's packing (Wang et al. 2005, §5) for a renderer. Each side has one RGBA texture of γ and δ, one of ρs and m, and
+//! the normals in the blade's tangent frame, all as float OpenEXR.
 
 use crate::Result;
 use crate::side::SideMaps;

@@ -13,8 +13,8 @@ use std::path::Path;
 /// A channel, where the side has it.
 type Plane<'a> = Option<&'a [f32]>;
 
-/// Every texel on the leaf, front first. Places are in mm where the fit says how large a texel is, else the cells are
-/// empty.
+/// Writes every texel on the leaf, front first. Places are in mm where the fit states the size of a texel; otherwise
+/// the cells are empty.
 pub fn write(sides: &[SideMaps], record: &FitRecord, path: &Path) -> Result<()> {
     let texel: Option<f64> = record.options.get("texel_mm").and_then(|t| t.parse().ok());
     let mut channels: Vec<&str> = Vec::new();
@@ -62,7 +62,7 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, path: &Path) -> Result<()> 
     })
 }
 
-/// A number that reads back exactly; empty where there is none.
+/// A number that is read back exactly; empty where there is none.
 fn cell(out: &mut dyn Write, value: Option<f32>) -> std::io::Result<()> {
     match value.filter(|v| v.is_finite()) {
         Some(v) => write!(out, ",{v}"),

@@ -10,7 +10,7 @@ use mesophyll_files::{atomic, image};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
-/// Which way round a picture lies: the back's maps are mirrored when they are laid on the front's texture coordinates.
+/// Whether a picture is mirrored: the back's maps are, when they are laid on the front's texture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
     /// As the side's own camera saw it.
@@ -36,7 +36,7 @@ pub fn encode(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<Ve
     Ok(bytes)
 }
 
-/// Linear in the byte, [low, high] → 0 … 255.
+/// Maps [low, high] linearly to 0 … 255.
 pub(crate) fn data_byte(value: f32, low: f64, high: f64) -> u8 {
     let t = (f64::from(value) - low) / (high - low);
     if t.is_nan() { 0 } else { (t.clamp(0.0, 1.0) * 255.0).round() as u8 }

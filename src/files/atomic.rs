@@ -1,4 +1,4 @@
-//! Whole-or-nothing writing: a temporary name beside the target, then a rename.
+//! Writes files completely or not at all: under a temporary name beside the target, followed by a rename.
 
 use crate::{Error, Result};
 use std::collections::BTreeSet;
@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Writes `path` through `fill`; the name appears only when everything is on disk.
+/// Writes `path` through `fill`. The name appears only when everything is on disk.
 ///
 /// # Errors
 /// Naming `path`: [`Error::Usage`] when nothing can be written there, [`Error::Write`] when the disk is full; the
@@ -23,9 +23,10 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write(path, |w| w.write_all(bytes))
 }
 
-/// A file being written under a temporary name; [`Pending::finish`] gives it its own. Devices and pipes (`/dev/null`, a
-/// FIFO) are written in place: renaming over them would replace them. Through a symbolic link the file that it leads to
-/// is written, and the link stays. A new file has the mode that the umask leaves, a replaced one keeps its own.
+/// A file that is written under a temporary name; [`Pending::finish`] gives it its own name. Devices and pipes
+/// (`/dev/null`, a FIFO) are written in place, because a rename would replace them. For a symbolic link, the file that
+/// it leads to is written, and the link stays. A new file gets the mode that the umask leaves; a replaced file keeps
+/// its mode.
 #[derive(Debug)]
 pub struct Pending {
     target: Option<Target>,
@@ -43,7 +44,7 @@ fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 }
 
 /// Removes the temporary files that are being written, for a program that ends in the middle of its work. What is
-/// written to them afterwards is lost.
+/// written to them later is lost.
 pub fn remove_unfinished() {
     // A file that was finished just now has its own name already.
     unfinished().iter().for_each(|path| drop(fs::remove_file(path)));
@@ -77,7 +78,7 @@ impl Pending {
         Ok(Pending { target: Some(target), path: path.to_path_buf(), real })
     }
 
-    /// A temporary file beside `path`; where that fails, the place and why.
+    /// A temporary file beside `path`. Where that fails, returns the place and the reason.
     fn temporary(path: &Path) -> std::result::Result<BufWriter<tempfile::NamedTempFile>, (PathBuf, io::Error)> {
         let here = |e| (path.to_path_buf(), e);
         let folder = match path.parent() {
@@ -136,8 +137,8 @@ fn temporary(prefix: &str, suffix: &str, folder: &Path) -> io::Result<tempfile::
     builder.tempfile_in(folder)
 }
 
-/// Where a name leads to: a symbolic link is followed, also to a file that is not there yet. A link that leads in a
-/// circle is left as it is.
+/// The path that a name leads to. A symbolic link is followed, even to a file that does not exist yet. A link that
+/// leads in a circle is left as it is.
 pub(crate) fn through_links(path: &Path) -> PathBuf {
     let mut at = path.to_path_buf();
     for _ in 0..40 {
@@ -149,7 +150,7 @@ pub(crate) fn through_links(path: &Path) -> PathBuf {
     path.to_path_buf()
 }
 
-/// A place where nothing can be written is the command line's mistake; a full disk is not.
+/// A place where nothing can be written is a mistake on the command line; a full disk is not.
 fn unopened(path: &Path, e: &io::Error) -> Error {
     match e.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Error::write(path, explain(e)),
@@ -262,7 +263,7 @@ mod tests {
         assert_eq!(read(&dir.path().join("none")), "no such file or folder");
         let said = explain(&io::Error::from_raw_os_error(16));
         assert!(!said.contains("os error") && !said.is_empty(), "{said}");
-        // A folder where a file should be, a file where a folder should be: the command line's mistakes.
+        // A folder where a file should be, and a file where a folder should be, are mistakes on the command line.
         for error in [write_bytes(dir.path(), b"x").unwrap_err(), probe_folder(&file).unwrap_err()] {
             assert!(error.is_usage(), "{error}");
         }

@@ -1,5 +1,5 @@
-//! A binary glTF 2.0 file while it grows: one buffer, its views and accessors, its pictures. What they mean (nodes,
-//! meshes, materials) is for the writer of the file to say.
+//! A binary glTF 2.0 file while it is built: one buffer, its views and accessors, and its pictures. The writer of the
+//! file adds what they mean (nodes, meshes, materials).
 
 use crate::{Error, Result, atomic};
 use serde_json::{Value, json};
@@ -28,7 +28,7 @@ impl Glb {
         self.views.len() - 1
     }
 
-    /// Adds vectors of `N` numbers; `kind` is glTF's name of them (`VEC3`). The accessor's index.
+    /// Adds vectors of `N` numbers; `kind` is glTF's name for them (`VEC3`). Returns the accessor's index.
     pub fn floats<const N: usize>(&mut self, kind: &str, values: &[[f32; N]]) -> usize {
         let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes);
@@ -44,7 +44,7 @@ impl Glb {
         self.accessors.len() - 1
     }
 
-    /// Adds indices of vertices. The accessor's index.
+    /// Adds indices of vertices. Returns the accessor's index.
     pub fn indices(&mut self, values: &[u32]) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes);
@@ -53,7 +53,7 @@ impl Glb {
         self.accessors.len() - 1
     }
 
-    /// Adds the times of an animation (s), in rising order. The accessor's index.
+    /// Adds the times of an animation (s), in rising order. Returns the accessor's index.
     pub fn times(&mut self, values: &[f32]) -> usize {
         let each: Vec<[f32; 1]> = values.iter().map(|v| [*v]).collect();
         let accessor = self.floats("SCALAR", &each);
@@ -62,7 +62,7 @@ impl Glb {
         accessor
     }
 
-    /// Adds the joints of vertices, counted in their skin. The accessor's index.
+    /// Adds the joints of vertices, as numbers in their skin. Returns the accessor's index.
     pub fn joints(&mut self, values: &[[u16; 4]]) -> usize {
         let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes);
@@ -72,15 +72,15 @@ impl Glb {
         self.accessors.len() - 1
     }
 
-    /// Adds a picture; a texture reference to it.
+    /// Adds a picture and returns a texture reference to it.
     pub fn texture(&mut self, name: &str, png: &[u8]) -> Value {
         let view = self.view(png);
         self.images.push(json!({"name": name, "bufferView": view, "mimeType": "image/png"}));
         json!({"index": self.images.len() - 1})
     }
 
-    /// Writes `path` (.glb), whole or not at all: `root` is the file's JSON without what is kept here. Every picture is
-    /// the texture of its own index, sampled linearly and clamped to its edge.
+    /// Writes `path` (.glb), completely or not at all. `root` is the rest of the file's JSON. Every picture is the
+    /// texture of the same index, sampled linearly and clamped to its edge.
     ///
     /// # Errors
     /// As [`atomic::write_bytes`].
@@ -102,7 +102,7 @@ impl Glb {
     }
 }
 
-/// What a file says of the program that wrote it.
+/// The file's statement about the program that wrote it.
 pub fn asset() -> Value {
     json!({"version": "2.0", "generator": concat!("mesophyll ", env!("CARGO_PKG_VERSION"))})
 }

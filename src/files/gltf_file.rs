@@ -1,5 +1,5 @@
-//! Opens glTF files that others wrote (`.glb`, or `.gltf` with buffers beside it): what leads out of the file's folder,
-//! ends too early or is not finite is refused in one sentence, before anything is made of it.
+//! Opens glTF files that others wrote (`.glb`, or `.gltf` with buffers beside it). A file that leads out of its folder,
+//! ends too early or has values that are not finite is refused with one sentence before it is used.
 
 use crate::atomic::explain;
 use crate::mesh::Unit;
@@ -9,7 +9,7 @@ use gltf::mesh::Mode;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path};
 
-/// Deeper nests of nodes than this are taken for a cycle.
+/// Nodes that are nested deeper than this are taken for a cycle.
 pub const DEEPEST: usize = 64;
 
 /// A file with all its buffers in memory.
@@ -17,14 +17,14 @@ pub const DEEPEST: usize = 64;
 pub struct Opened {
     /// Nodes, meshes, materials.
     pub document: gltf::Document,
-    /// By the index of the buffer.
+    /// Data by the index of the buffer.
     pub buffers: Vec<gltf::buffer::Data>,
-    /// Of the file's lengths: the metre, unless `asset.extras.unit` says otherwise.
+    /// Unit of the file's lengths: the metre, unless `asset.extras.unit` says otherwise.
     pub unit: Unit,
 }
 
-/// Opens `path` and hands it to `with`, which knows what the extensions `understood` mean: a file may require them. A
-/// damaged file ends in a sentence, whatever the reader does with it.
+/// Opens `path` and hands it to `with`, which understands the extensions `understood`, so that a file may require them.
+/// A damaged file gives an error in one sentence, whatever the reader does with it.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
@@ -34,17 +34,17 @@ pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Re
         .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
 
-/// Most entries of an accessor: more than any mesh here has.
+/// Largest number of entries of an accessor; no mesh here has more.
 const MOST_ENTRIES: usize = 100_000_000;
 
 fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
     let bad = |e: gltf::Error| Error::input(path, sentence(&e));
     let gltf::Gltf { document, mut blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(bad)?;
-    // The library would refuse what it does not know itself.
+    // The library would refuse extensions that it does not know itself.
     let mut json = document.into_json();
     json.extensions_required.retain(|name| !understood.contains(&name.as_str()));
     let document = gltf::Document::from_json(json).map_err(bad)?;
-    // Each node has one parent at most: else a small file could ask for more visits than there is time.
+    // Each node may have at most one parent: otherwise a small file could require an endless number of visits.
     let mut parents = vec![0usize; document.nodes().count()];
     for child in document.nodes().flat_map(|node| node.children()) {
         parents[child.index()] += 1;
@@ -53,7 +53,7 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
             return Err(Error::field(path, &field, "is the child of more than one node; expected a tree"));
         }
     }
-    // A sparse accessor needs no bytes for what it promises.
+    // A sparse accessor can promise entries for which it has no bytes.
     if let Some(long) = document.accessors().find(|a| a.count() > MOST_ENTRIES) {
         let field = format!("accessors[{}].count", long.index());
         return Err(Error::unexpected(path, &field, long.count(), format!("at most {MOST_ENTRIES}")));
@@ -86,7 +86,7 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
     Ok(Opened { document, buffers, unit })
 }
 
-/// Places of a primitive's vertices, in its mesh's frame, and three of them a triangle.
+/// Positions of a primitive's vertices in its mesh's frame, and three indices for each triangle.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Surface {
     /// A vertex each.
@@ -169,7 +169,7 @@ fn sentence(e: &gltf::Error) -> String {
     }
 }
 
-/// Refuses a URI that leads out of the file's folder, by text, by scheme or by a link.
+/// Refuses a URI that leads out of the file's folder by its text, its scheme or a link.
 fn inside(path: &Path, folder: &Path, uri: &str, field: &str) -> Result<()> {
     if uri.starts_with("data:") {
         return Ok(());

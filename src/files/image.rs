@@ -95,7 +95,8 @@ fn info_of<R: std::io::Read + std::io::Seek>(path: &Path, reader: &exr::block::r
     })
 }
 
-/// From this many bytes of pixels on a reader asks whether there is memory for them: a broken header may say any size.
+/// Above this many bytes of pixels, a reader checks whether there is enough memory, because a broken header may state
+/// any size.
 const ASK_FOR_MEMORY: u64 = 1 << 28;
 
 /// Reads every channel of an EXR file; half and integer samples become float.
@@ -121,7 +122,7 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
             None => info.channels.clone(),
             Some(list) => list.iter().map(|n| n.to_string()).collect(),
         };
-        // slot[k]: where file channel k goes in the output
+        // slot[k] is the place of the file's channel k in the output.
         let mut slots = vec![Vec::new(); info.channels.len()];
         for (at, name) in wanted.iter().enumerate() {
             match info.channels.iter().position(|c| c == name) {
@@ -199,7 +200,7 @@ fn decode(kind: SampleType, bytes: &[u8], out: &mut [f32]) {
     }
 }
 
-/// Damaged files must end in a sentence: whatever a codec does with them, a panic inside becomes an error here.
+/// Damaged files must end in a sentence: a panic inside a codec becomes an error here.
 fn guarded<T>(path: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(result) => result,

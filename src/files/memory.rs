@@ -1,4 +1,4 @@
-//! How much memory there is: what does not fit is refused before it is begun.
+//! How much memory there is. Work that does not fit is refused before it begins.
 
 use crate::{Error, Result};
 

@@ -1,4 +1,5 @@
-//! Plain lists of numbers: one entry a line, numbers apart by blanks; empty lines, and what follows a `#`, are skipped.
+//! Plain lists of numbers: one entry a line, numbers separated by blanks. Empty lines, and everything after a `#`, are
+//! skipped.
 
 use crate::atomic::explain;
 use crate::{Error, Result};

@@ -1,8 +1,8 @@
-//! Progress on stderr for anything that takes long: bars with the time left on a terminal, elsewhere a line every ten
-//! seconds; nothing with `--quiet`.
+//! Progress on stderr for everything that takes long: bars with the time left on a terminal, otherwise a line every ten
+//! seconds, and nothing with `--quiet`.
 //!
-//! Work that is under way is a stack of [`Bar`]s. The innermost one says what is being done and how far it is; the
-//! outermost is the verb.
+//! Running work is a stack of [`Bar`]s. The innermost one says what is being done and how far it is; the outermost is
+//! the verb.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -24,12 +24,12 @@ pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
 }
 
-/// Whether [`set_quiet`] was told to be.
+/// Whether [`set_quiet`] was called with true.
 pub fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// No more lines of progress: a window is open, and the person before it decides how long that takes.
+/// Stops lines of progress: a window is open, and its user decides how long that takes.
 pub fn pause() {
     PAUSED.store(true, Ordering::Relaxed);
 }
@@ -46,12 +46,13 @@ pub fn request_stop() {
     STOP.store(true, Ordering::SeqCst);
 }
 
-/// Takes back [`request_stop`], in a program that goes on after its work was stopped.
+/// Takes back [`request_stop`], in a program that continues after its work was stopped.
 pub fn go_on_again() {
     STOP.store(false, Ordering::SeqCst);
 }
 
-/// The program goes on after its work was stopped: from here on [`left_when_stopped`] waits until the work has ended.
+/// Tells that the program continues after its work was stopped: from now on [`left_when_stopped`] waits until the work
+/// has ended.
 pub fn stay_when_stopped() {
     STAYS.store(true, Ordering::SeqCst);
 }
@@ -61,7 +62,7 @@ pub fn stop_requested() -> bool {
     STOP.load(Ordering::SeqCst)
 }
 
-/// Whether to go on, between two pieces of work that write nothing.
+/// Asks whether to continue, between two pieces of work that write nothing.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`] once a stop was asked for.
@@ -73,17 +74,17 @@ pub fn go_on() -> crate::Result<()> {
     }
 }
 
-/// Does `work` on a thread of its own and waits for it. Once a stop was asked for, the thread is left to itself, and
-/// the answer is `None`: the program is about to end, and what the thread was writing is removed. So work stops at once
-/// that never looks whether to go on. After [`stay_when_stopped`] the work is waited for, so that nothing of it goes on
-/// in the background.
+/// Does `work` on a separate thread and waits for it. Once a stop was asked for, the thread is abandoned and the answer
+/// is `None`: the program is about to end, and what the thread was writing is removed. In this way even work that never
+/// checks for a stop ends at once. After [`stay_when_stopped`] the work is waited for, so that none of it continues in
+/// the background.
 ///
 /// # Panics
 /// Where `work` does.
 pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
     let (done, wait) = mpsc::channel();
     let thread = std::thread::spawn(move || {
-        // Nobody listens any more where the work was left.
+        // Nobody listens any more where the work was abandoned.
         let _ = done.send(work());
     });
     loop {
@@ -107,7 +108,7 @@ pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 's
 #[derive(Debug)]
 struct Task {
     what: String,
-    /// Steps in all; 0 where nobody knows.
+    /// Number of steps in all; 0 where it is not known.
     total: AtomicU64,
     done: AtomicU64,
     start: Instant,
@@ -155,7 +156,7 @@ fn tasks() -> std::sync::MutexGuard<'static, Vec<Arc<Task>>> {
     TASKS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What to print now: all that is under way, from the verb to the innermost work, whose time is told.
+/// The line to print now: all running work from the verb to the innermost one, with the time of the innermost.
 fn state(tasks: &[Arc<Task>]) -> Option<String> {
     let (inner, outer) = tasks.split_last()?;
     let around = outer.iter().map(|t| match t.total() {
@@ -174,7 +175,7 @@ fn print_lines() {
                 std::thread::sleep(EVERY);
                 let line = state(&tasks());
                 if let Some(line) = line.filter(|_| !is_quiet() && !PAUSED.load(Ordering::Relaxed)) {
-                    // A reader of stderr that went away is no reason to end.
+                    // If the reader of stderr went away, that is no reason to end.
                     let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("{line}\n").as_bytes());
                 }
             }
@@ -202,7 +203,7 @@ impl Bar {
             print_lines();
             indicatif::ProgressBar::hidden()
         } else if outermost && total == 0 {
-            // The verb itself: the bars inside say more.
+            // The bar of the verb itself is hidden, because the bars inside it say more.
             indicatif::ProgressBar::hidden()
         } else {
             drawn(&task)
@@ -215,13 +216,13 @@ impl Bar {
         Bar::new(what, 0)
     }
 
-    /// So many steps are done.
+    /// Reports that this many more steps are done.
     pub fn advance(&self, steps: u64) {
         self.task.done.fetch_add(steps, Ordering::Relaxed);
         self.drawn.inc(steps);
     }
 
-    /// By now so many steps are expected in all.
+    /// Sets the number of steps that are now expected in all.
     pub fn set_total(&self, total: u64) {
         if self.task.total.swap(total, Ordering::Relaxed) == 0 {
             styled(&self.drawn, total);
@@ -229,7 +230,7 @@ impl Bar {
         self.drawn.set_length(total);
     }
 
-    /// One step further, unless a stop was asked for.
+    /// Reports one more step, and stops where a stop was asked for.
     ///
     /// # Errors
     /// As [`go_on`].
@@ -279,7 +280,7 @@ mod tests {
     #[test]
     fn a_line_says_what_is_done_how_far_it_is_and_how_long_it_takes() {
         let after = Duration::from_secs(30);
-        // A quarter took 30 s, so that three quarters take 90 s.
+        // A quarter took 30 s, so three quarters take 90 s.
         assert_eq!(
             task("scanning", 240, 60).line(after),
             "scanning: 60 of 240 (25 %) after 30 s, about 1 min 30 s left"

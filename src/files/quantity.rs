@@ -1,5 +1,5 @@
-//! What a map of a leaf holds, and what its channels are called: `rho_d.R`, `normal.X`, `thickness.Y`. Fits, the truth
-//! of synthetic captures and exports name their channels by this list and by nothing else.
+//! What a map of a leaf holds, and the names of its channels: `rho_d.R`, `normal.X`, `thickness.Y`. Fits, the truth of
+//! synthetic captures and exports take the names of their channels only from this list.
 
 use crate::image::Maps;
 use crate::{Error, Result};
@@ -62,7 +62,7 @@ pub const RGB: [&str; 3] = ["R", "G", "B"];
 pub const XYZ: [&str; 3] = ["X", "Y", "Z"];
 
 impl Quantity {
-    /// As parameters and pictures are called: `sigma_a`.
+    /// The name in parameters and pictures: `sigma_a`.
     pub fn name(self) -> &'static str {
         self.into()
     }
@@ -88,8 +88,8 @@ impl Quantity {
     }
 }
 
-/// A channel's name taken apart: `sigma_a.G` → (`sigma_a`, `G`), `thickness.Y` → (`thickness`, no letter), since the
-/// only channel of a number has no name of its own.
+/// Splits a channel's name: `sigma_a.G` → (`sigma_a`, `G`), `thickness.Y` → (`thickness`, no letter), because the only
+/// channel of a number has no name of its own.
 pub fn split(channel: &str) -> (&str, &str) {
     match channel.rsplit_once('.') {
         Some((q, "Y")) if q != Quantity::Normal.name() => (q, ""),

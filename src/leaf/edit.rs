@@ -1,5 +1,5 @@
-//! Values changed by hand: what an edit makes of a leaf's record and of its maps. The window, the renderers' hand-over
-//! and the saved fit all go through it.
+//! Values changed by hand: how an edit changes a leaf's record and its maps. The window, the hand-over to renderers and
+//! the saved fit all use it.
 
 use crate::{BLADE, Error, File, LeafFit, Result};
 use mesophyll_files::atomic::{self, explain};
@@ -11,7 +11,7 @@ use mesophyll_record::Section;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// What is changed of one side: factors on σa and σs a colour channel, on ρs and on m, and what is added to the
+/// The changes of one side: factors on σa and σs (a colour channel each), on ρs and on m, and an addition to the
 /// thickness (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edit {
@@ -35,8 +35,8 @@ impl Default for Edit {
 }
 
 impl Edit {
-    /// The side's parameters after the edit. What is set by hand has no standard error, and what was measured of the
-    /// fitted leaf is not measured of this one.
+    /// Changes the side's parameters. A value that is set by hand has no standard error, and what was measured on the
+    /// fitted leaf does not apply to this one.
     pub fn record(&self, section: &mut Section) {
         for (quantity, factor) in [
             (Quantity::SigmaA, Some(self.sigma_a)),
@@ -55,8 +55,8 @@ impl Edit {
         (section.held_out, section.light_box) = Default::default();
     }
 
-    /// The side's maps of σa, σs, thickness, ρs and m after the edit, on a leaf whose mean thickness is then
-    /// `thickness_mm`. An edit may take away more than a thin texel has: a thousandth of the mean is left of it.
+    /// Changes the side's maps of σa, σs, thickness, ρs and m, on a leaf whose mean thickness is then `thickness_mm`.
+    /// Where an edit takes away more than a thin texel has, a thousandth of the mean is left.
     pub fn maps(&self, maps: &mut Maps, thickness_mm: f64) {
         let mut change = |quantity: Quantity, c: usize, factor: f64, more: f64| {
             if let Some(plane) = maps.plane_mut(quantity, c) {
@@ -78,8 +78,8 @@ impl Edit {
     }
 }
 
-/// Puts ρd = γ · slab and ρt = slab in the place of what `maps` hold, for a leaf of σa and σs (1/mm); NaN where the
-/// thickness is not positive.
+/// Replaces the ρd and ρt of `maps` by γ · slab and slab, for a leaf of σa and σs (1/mm); NaN where the thickness is
+/// not positive.
 ///
 /// # Errors
 /// [`crate::Error::Input`] naming `path` and the channel that is missing.
@@ -101,8 +101,8 @@ pub(crate) fn solve(path: &Path, maps: &mut Maps, sigma_a: [f64; 3], sigma_s: [f
     Ok(())
 }
 
-/// Writes an edited leaf as a fit of its own, `NAME-edit-N` under `folder`, and returns where. Its `fit.toml` says what
-/// was set by hand; what was measured of the fitted leaf is left out.
+/// Writes an edited leaf as a separate fit, `NAME-edit-N` under `folder`, and returns its folder. Its `fit.toml` states
+/// what was set by hand; what was measured on the fitted leaf is left out.
 ///
 /// # Errors
 /// [`crate::Error::Write`] or [`crate::Error::Usage`] when the folder cannot be written, [`crate::Error::Input`] for a
@@ -113,7 +113,7 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
     atomic::probe_folder(&target)?;
     let mut record = leaf.record.clone();
     record.scan = None;
-    // What no edit changes is copied; whatever else the folder lists is no part of an edited leaf.
+    // Files that no edit changes are copied. Other files that the folder lists are not part of an edited leaf.
     let copied = leaf.sides().map(|s| File::Errors.name(s)).chain([BLADE.to_string()]);
     let copied: Vec<String> = copied.filter(|name| record.files.contains_key(name)).collect();
     for name in &copied {

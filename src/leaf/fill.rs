@@ -6,8 +6,8 @@ use mesophyll_capture::grid::neighbours;
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// For each texel the index of (one of) its nearest good texels by 4-connected distance, itself where it is good;
-/// `None` when there is no good texel at all.
+/// For each texel, the index of (one of) its nearest good texels by 4-connected distance; a good texel gets its own
+/// index. `None` when there is no good texel at all.
 pub fn sources(good: &[bool], width: usize, height: usize) -> Option<Vec<u32>> {
     let mut source: Vec<u32> = vec![u32::MAX; good.len()];
     let mut queue: VecDeque<u32> = VecDeque::new();
@@ -32,8 +32,8 @@ pub fn sources(good: &[bool], width: usize, height: usize) -> Option<Vec<u32>> {
     Some(source)
 }
 
-/// Gives every texel where `good` does not hold the value of its nearest good one, in every plane alike; planes stay
-/// as they are where no texel is good.
+/// Gives every texel that is not `good` the value of its nearest good one, in all planes from the same texel. Planes
+/// are not changed where no texel is good.
 pub fn nearest<T: Copy>(planes: &mut [Vec<T>], good: &[bool], width: usize, height: usize) {
     if let Some(source) = sources(good, width, height) {
         for plane in planes {

@@ -1,4 +1,4 @@
-//! The folder of a leaf fit: what its files are called, and the fit as it is read.
+//! The folder of a leaf fit: the names of its files, and the fit as it is read.
 
 use crate::edit::{self, Edit};
 use crate::{Error, Result};
@@ -14,21 +14,21 @@ use std::sync::{Arc, OnceLock};
 /// The blade as a mesh, where the fit made one.
 pub const BLADE: &str = "blade.glb";
 
-/// A file that the folder holds a side.
+/// A file that the folder holds for each side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum File {
     /// `front.exr`: the quantities, named as [`Quantity::channel`] says.
     Maps,
     /// `front_err.exr`: their standard errors under the same names.
     Errors,
-    /// `front_truth.exr`: the true σa and σs of a synthetic capture. It is no part of the fit.
+    /// `front_truth.exr`: the true σa and σs of a synthetic capture. It is not part of the fit.
     Truth,
     /// `front_held_out.exr`: frames that the fit did not see.
     HeldOut,
 }
 
 impl File {
-    /// Those that are part of the fit.
+    /// The files that are part of the fit.
     pub const ALL: [File; 3] = [File::Maps, File::Errors, File::HeldOut];
 
     /// Name of the file for a side.
@@ -36,7 +36,7 @@ impl File {
         self.of(side.name())
     }
 
-    /// As [`File::name`], for a section of a record that may be no side.
+    /// As [`File::name`], for a section of a record, which need not be a side.
     pub fn of(self, section: &str) -> String {
         let what = match self {
             File::Maps => "",
@@ -56,14 +56,14 @@ impl File {
 /// A fitted leaf, opened. Its record is read; a side's maps are read once, when they are first asked for.
 #[derive(Debug, Clone)]
 pub struct LeafFit {
-    /// What its user calls it; the name in the record where nobody says otherwise.
+    /// The name that its user gives it; otherwise the name in the record.
     pub name: String,
-    /// Where it lies.
+    /// The folder of the fit.
     pub folder: PathBuf,
     /// Its `fit.toml`.
     pub record: FitRecord,
     maps: Arc<Sides<OnceLock<Maps>>>,
-    /// What was changed by hand since it was fitted, and the fit as it was.
+    /// What was changed by hand since the leaf was fitted, and the fit before the change.
     edited: Option<(Sides<Edit>, Box<LeafFit>)>,
 }
 
@@ -91,8 +91,8 @@ impl LeafFit {
         LeafFit { name: name.into(), ..self }
     }
 
-    /// The leaf with values changed by hand: in its record at once, in its maps when they are asked for. ρd and ρt maps
-    /// stay what they were until [`LeafFit::solved`] is asked for them.
+    /// The leaf with values changed by hand. Its record changes at once, its maps when they are asked for. The ρd and
+    /// ρt maps stay unchanged until [`LeafFit::solved`] is called.
     pub fn edited(&self, edits: Sides<Edit>) -> LeafFit {
         let fit = self.edited.as_ref().map_or(self, |(_, fit)| fit);
         let mut record = fit.record.clone();
@@ -114,7 +114,7 @@ impl LeafFit {
         self.record.sections.contains_key(side.name())
     }
 
-    /// What the record says of a side.
+    /// The record's section of a side.
     ///
     /// # Errors
     /// [`Error::Input`] where the side was not fitted.
@@ -124,7 +124,7 @@ impl LeafFit {
         })
     }
 
-    /// The leaf's σa or σs: a number a colour channel (1/mm).
+    /// The leaf's σa or σs: one number for each colour channel (1/mm).
     ///
     /// # Errors
     /// [`Error::Input`] that names the field, for anything but three finite numbers of at least 0.
@@ -179,12 +179,12 @@ impl LeafFit {
         Error::field(&self.record_path(), &format!("{}.{}", side.name(), quantity.name()), what)
     }
 
-    /// Where its `fit.toml` lies.
+    /// Path of its `fit.toml`.
     pub fn record_path(&self) -> PathBuf {
         self.folder.join("fit.toml")
     }
 
-    /// Where a file of a side lies.
+    /// Path of a file of a side.
     pub fn path(&self, file: File, side: Side) -> PathBuf {
         file.path(&self.folder, side)
     }
@@ -214,8 +214,8 @@ impl LeafFit {
         self.maps[side].get().is_some()
     }
 
-    /// The maps of a side with ρd and ρt as the slab gives them, texel by texel, from γ, the thickness and the leaf's
-    /// σa and σs: what an edited leaf reflects and transmits.
+    /// The maps of a side in which ρd and ρt are computed by the slab, texel by texel, from γ, the thickness and the
+    /// leaf's σa and σs: what an edited leaf reflects and transmits.
     ///
     /// # Errors
     /// As [`LeafFit::maps`], and for a parameter or a channel that is missing.
@@ -226,7 +226,7 @@ impl LeafFit {
         Ok(maps)
     }
 
-    /// The side whose mean thickness stands for the leaf's: the front where it was fitted.
+    /// The side whose mean thickness is used for the leaf: the front where it was fitted.
     pub fn lead(&self) -> Side {
         if self.has(Side::Front) { Side::Front } else { Side::Back }
     }
@@ -248,7 +248,7 @@ impl LeafFit {
         path.is_file().then(|| mesh::read(&path, None)).transpose()
     }
 
-    /// Hashes one of the folder's files afresh and compares it with what the fit wrote down.
+    /// Hashes one of the folder's files again and compares the hash with the one that the fit recorded.
     ///
     /// # Errors
     /// [`Error::Missed`] for a file that changed since, or that `fit.toml` does not list.

@@ -1,5 +1,5 @@
-//! Normals of the scan, turned into the mesh's tangent frame texel by texel. Both renderers interpolate mapped normals
-//! in that frame, because a blade that bends takes it along.
+//! Turns normals of the scan into the mesh's tangent frame, texel by texel. Both renderers interpolate mapped normals
+//! in that frame, because it bends with the blade.
 
 use crate::{Result, fill};
 use glam::{DVec2, DVec3};
@@ -29,7 +29,7 @@ pub fn frames(path: &Path, mesh: &LeafMesh, width: usize, height: usize) -> Resu
     }
     let covered: Vec<bool> = planes[0].iter().map(|v| v.is_finite()).collect();
     fill::require(path, &mut planes, &covered, width, height)?;
-    // A leaf's chart is not mirrored in places: one handedness holds for all of it.
+    // The texture chart of a leaf is nowhere mirrored, so one handedness holds for all of it.
     let hand = mesh.tangents.first().map_or(1.0, |t| t.1);
     Ok((0..width * height)
         .map(|k| {
@@ -109,7 +109,7 @@ mod tests {
         for v in front.iter().chain(&back) {
             assert!(v[0].abs() < 1e-6 && v[1].abs() < 1e-6 && (v[2] - 1.0).abs() < 1e-6, "{v:?}");
         }
-        // A bump towards the image's right is one on both sides.
+        // A bump towards the right of the image is towards the right on both sides.
         let tangent = frames[0][0];
         let bumped = (n + 0.2 * tangent).normalize();
         assert!(tangent_space(&[bumped.as_vec3().to_array()], &frames, 8, Side::Front)[0][0] > 0.15);

@@ -1,5 +1,5 @@
-//! A fitted leaf: its record, the maps of its sides, and its blade. Whoever reads or writes the folder of a leaf fit
-//! goes through this room.
+//! A fitted leaf: its record, the maps of its sides, and its blade. All code that reads or writes the folder of a leaf
+//! fit uses this room.
 //!
 //! A folder holds `fit.toml`, for each side that was measured `front.exr` (its maps) and `front_err.exr` (their
 //! standard errors), and `blade.glb`, the blade as a mesh. Lengths are in mm, σa and σs in 1/mm. Maps are row-major as

@@ -49,7 +49,8 @@ pub fn tangent_normals(path: &Path, maps: &Maps, side: Side, mesh: &LeafMesh) ->
     let (width, height) = (maps.width, maps.height);
     let frames = frames::frames(path, mesh, width, height)?;
     let mut seen = [normals(path, maps)?];
-    // A fit fills its maps beyond the good texels itself; what it left undetermined takes its neighbours'.
+    // A fit itself fills its maps beyond the good texels. Values that it left undetermined take those of their
+    // neighbours.
     let known = |n: &[f32; 3]| n.iter().all(|v| v.is_finite()) && n.iter().map(|v| v * v).sum::<f32>() > 0.25;
     let good: Vec<bool> = seen[0].iter().map(known).collect();
     fill::require(path, &mut seen, &good, width, height)?;

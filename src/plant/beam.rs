@@ -6,30 +6,30 @@
 //! (mm), E the modulus (N/mm²), s₁ the root radius (mm). The relative error of u and u′ is below 1e-12 for every α from
 //! 1e-4 to 1, and up to [`TAPER_MAX`].
 //!
-//! Limits: Euler–Bernoulli (no shear: at least 15 times as long as thick) and linear, so slopes well below 1;
-//! [`super::length`] says what is done beyond. H9 Eq. 4.7 prints the prefactor as E′F/r₁⁴; dimensions and the
-//! derivation say F/(E′r₁⁴).
+//! Limits: the beam is an Euler–Bernoulli beam (no shear, so at least 15 times as long as thick) and linear, so slopes
+//! must be well below 1; [`super::length`] says what is done beyond that. H9 Eq. 4.7 prints the prefactor as E′F/r₁⁴;
+//! dimensions and the derivation give F/(E′r₁⁴).
 //!
-//! With w = 1 + (α−1)x, the bending moment (1−x)²/2 over the area moment π w⁴/4 gives u″ = 2(1−x)²/(π w⁴). Integrated
-//! once, with q = (1−x)/w, u′ = 2x(1+q+q²)/(3π w): a sum of positive terms. Eq. 4.7 loses every digit as α → 1; here u
-//! is the integral of u′ by Gauss–Legendre wherever w ≥ ½ (both limits of α are then regular), and a logarithm
-//! elsewhere.
+//! Let w = 1 + (α−1)x. The bending moment (1−x)²/2 over the area moment π w⁴/4 gives u″ = 2(1−x)²/(π w⁴). Integrated
+//! once, with q = (1−x)/w, this is u′ = 2x(1+q+q²)/(3π w), a sum of positive terms. Eq. 4.7 loses every digit as α → 1.
+//! So u is computed as the integral of u′ by Gauss–Legendre wherever w ≥ ½ (both limits of α are then regular), and by
+//! a logarithm elsewhere.
 
 use super::quadrature::TWELVE;
 use std::f64::consts::PI;
 
-/// Widest taper that is taken: a branch whose tip is a quarter thicker than its root. The sources stop at 1.
+/// Largest taper that is accepted: a branch whose tip is a quarter thicker than its root. The sources stop at 1.
 pub const TAPER_MAX: f64 = 1.25;
-/// Least taper that the accuracy is promised for.
+/// Smallest taper for which the accuracy is promised.
 pub const TAPER_MIN: f64 = 1e-4;
 
-/// Radius at x over the root's, 1 + (α−1)x, as a sum of positive terms: at the tip of a thin taper the other form loses
-/// digits.
+/// Radius at x over the root's, 1 + (α−1)x, written as a sum of positive terms: at the tip of a thin taper the other
+/// form loses digits.
 fn width(alpha: f64, x: f64) -> f64 {
     (1.0 - x) + alpha * x
 }
 
-/// Slope u′ at `x` in [0, 1]. `alpha` in (0, [`TAPER_MAX`]]; outside the result means nothing.
+/// Slope u′ at `x` in [0, 1]. `alpha` is in (0, [`TAPER_MAX`]]; outside of that range the result is meaningless.
 pub fn slope(alpha: f64, x: f64) -> f64 {
     let w = width(alpha, x);
     let q = (1.0 - x) / w;
@@ -47,7 +47,7 @@ pub fn curvature(alpha: f64, x: f64) -> f64 {
 pub fn deflection(alpha: f64, x: f64) -> f64 {
     let w = width(alpha, x);
     if w >= 0.5 {
-        // The singularity of u′ (w = 0) lies at least as far beyond x as 0 is before it: 12 nodes reach 1e-17.
+        // The singularity of u′ (w = 0) is at least as far beyond x as 0 is before x, so 12 nodes reach 1e-17.
         return x * TWELVE.iter().map(|(t, g)| g * slope(alpha, x * t)).sum::<f64>();
     }
     logarithmic(alpha, w)
@@ -134,7 +134,7 @@ mod tests {
         for i in 0..=400 {
             let alpha = (1e-4f64.ln() * f64::from(i) / 400.0).exp() as f32;
             for k in 1..=200 {
-                // Even steps, and steps that crowd towards the tip.
+                // Even steps, and steps that become shorter towards the tip.
                 for x in [k as f32 / 200.0, 1.0 - (1e-5f32.ln() * k as f32 / 200.0).exp()] {
                     let (u, du) = single(alpha, x);
                     let (alpha, x) = (f64::from(alpha), f64::from(x));

@@ -1,17 +1,18 @@
-//! A vertex on a bent branch: position, tangent and normal, the reference of the vertex shader (`f64`) and its mirror
-//! (`f32`).
+//! A vertex on a bent branch: position, tangent and normal. The `f64` form is the reference of the vertex shader, the
+//! `f32` form mirrors the shader.
 //!
-//! The two deflections of H9 Eq. 4.12 share one shape, so together they are one bend in one plane: amplitude |A|
-//! towards (A_r r + A_s s)/|A|. The axis follows [`super::length::bend`]; cross-sections stay plane and turn with the
+//! The two deflections of H9 Eq. 4.12 have the same shape, so together they are one bend in one plane, of amplitude |A|
+//! towards (A_r r + A_s s)/|A|. The axis follows [`super::length::bend`]. Cross-sections stay plane and turn with the
 //! axis, so the map is
 //!
 //! ```text
 //! p(x, e, b) = C(x) + e N(x) + b B,      ∂p/∂x = (1 − κ e) T,   ∂p/∂e = N,   ∂p/∂b = B
 //! ```
 //!
-//! and its Jacobian is exact but for the residual stretch of the two Newton steps (below 1e-3). H9 Eq. 4.13 adds two
-//! length corrections and does not turn cross-sections; its Eq. 4.14 takes the Jacobian of the uncorrected deflection
-//! (and row 3 prints d_s/s_r for d_s/s_s). Beyond the tip a vertex moves rigidly with the tip.
+//! Here C is the bent axis, T, N and B are its tangent, its normal in the plane of bending and its binormal, and κ is
+//! its curvature. The Jacobian is exact except for the stretch that remains after the two Newton steps (below 1e-3). H9
+//! Eq. 4.13 adds two length corrections and does not turn cross-sections. Its Eq. 4.14 takes the Jacobian of the
+//! uncorrected deflection (and row 3 prints d_s/s_r for d_s/s_s). Beyond the tip a vertex moves rigidly with the tip.
 
 use super::length::{Bent, bend};
 use super::scalar::Scalar;
@@ -34,7 +35,7 @@ pub struct Branch<T> {
     pub shape: Shape<T>,
 }
 
-/// What a bend makes of a vertex. Tangent and normal have length 1 (zero vectors stay zero).
+/// A vertex after bending. Tangent and normal have length 1 (zero vectors stay zero).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deformed<T> {
     /// The vertex after bending.
@@ -58,7 +59,7 @@ pub struct Joint<T> {
     pub s: [T; 3],
 }
 
-/// Least stretch on the inside of a bend: below it the surface would fold through itself.
+/// Smallest stretch on the inside of a bend: with less the surface would fold through itself.
 const LEAST_STRETCH: f64 = 0.05;
 
 fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
@@ -78,10 +79,10 @@ fn unit<T: Scalar>(v: [T; 3]) -> [T; 3] {
 /// The plane of bending at one place along a branch.
 struct Plane<T> {
     bent: Bent<T>,
-    /// Direction of the load and the one that bending leaves alone, in the frame of the branch at rest.
+    /// Direction of the load, and the direction that bending does not change, in the frame of the branch at rest.
     e: [T; 3],
     b: [T; 3],
-    /// The same after bending: tangent of the axis and direction in the plane.
+    /// After bending: tangent of the axis, and direction in the plane.
     turned_t: [T; 3],
     turned_e: [T; 3],
     /// Share of r and s in e.
@@ -89,8 +90,8 @@ struct Plane<T> {
 }
 
 impl<T: Scalar> Branch<T> {
-    /// `amplitude`: A_r, A_s in units of the branch's length per normalised deflection: F/(E′r₁⁴) over L, along r and
-    /// s.
+    /// `amplitude`: A_r and A_s, in units of the branch's length for each unit of normalised deflection: F/(E′r₁⁴) over
+    /// L, along r and s.
     fn plane(&self, x: T, amplitude: [T; 2]) -> Plane<T> {
         let size = (amplitude[0] * amplitude[0] + amplitude[1] * amplitude[1]).sqrt();
         let share = if size > T::zero() { [amplitude[0] / size, amplitude[1] / size] } else { [T::one(), T::zero()] };
@@ -124,7 +125,7 @@ impl<T: Scalar> Branch<T> {
         let (e, b) = (dot(local, plane.e), dot(local, plane.b));
         let axis = self.axis(&plane);
         let off = mix((along - x) * self.length, plane.turned_t, e, plane.turned_e, b, plane.b);
-        // A vertex beyond an end does not stretch: it hangs rigidly on it.
+        // A vertex beyond an end does not stretch: it moves rigidly with the end.
         let inside = along >= T::zero() && along <= T::one();
         let stretch = if inside {
             (T::one() - plane.bent.curvature * e / self.length).at_least(T::of(LEAST_STRETCH))
@@ -161,19 +162,19 @@ impl<T: Scalar> Branch<T> {
         }
     }
 
-    /// What hangs on the branch at `x` and moves rigidly with it: a point, as the bend at `x` carries it.
+    /// Carries a point that is attached to the branch at `x`: it moves rigidly with the bend at `x`.
     pub fn carry(&self, joint: &Joint<T>, x: T, point: [T; 3]) -> [T; 3] {
         let rest: [T; 3] = std::array::from_fn(|k| point[k] - self.root[k] - x * self.length * self.t[k]);
         let turned = self.turn(joint, rest);
         std::array::from_fn(|k| joint.position[k] + turned[k])
     }
 
-    /// A direction that hangs on the branch (a leaf's normal, a sub-branch's axes), as the bend carries it.
+    /// Turns a direction that is attached to the branch (a leaf's normal, a sub-branch's axes) with the bend.
     pub fn turn(&self, joint: &Joint<T>, direction: [T; 3]) -> [T; 3] {
         mix(dot(direction, self.t), joint.t, dot(direction, self.r), joint.r, dot(direction, self.s), joint.s)
     }
 
-    /// A sub-branch that sits on this one at `x`, carried along at rest in itself; then bend it.
+    /// Carries a sub-branch that is attached at `x`. The sub-branch itself is still at rest; bend it afterwards.
     pub fn child(&self, joint: &Joint<T>, x: T, child: &Branch<T>) -> Branch<T> {
         Branch {
             root: self.carry(joint, x, child.root),
@@ -210,7 +211,7 @@ impl Branch<f64> {
 mod tests {
     use super::*;
 
-    /// Coefficients of a slender taper; what matters here is the map, not how good they are.
+    /// Coefficients of a slender taper. The test is about the map, not about their accuracy.
     fn branch() -> Branch<f64> {
         let (c, s) = (0.6, 0.8);
         Branch {
@@ -232,7 +233,7 @@ mod tests {
         dot(cross, cross).sqrt().atan2(dot(a, b)).to_degrees()
     }
 
-    /// Tangents against differences of moved points, normals against the cross product of two of them.
+    /// Compares tangents with differences of moved points, and normals with the cross product of two tangents.
     #[test]
     fn tangents_and_normals_are_those_of_the_map() {
         let b = branch();
@@ -276,7 +277,7 @@ mod tests {
         for k in 0..3 {
             assert!((still.position[k] - p[k]).abs() < 1e-12 && (still.tangent[k] - t[k]).abs() < 1e-12);
         }
-        // The same bend, with the frame turned so that it is along r alone.
+        // The same bend in a frame that is turned so that the bend is along r alone.
         let (c, s) = (0.8, 0.6);
         let turned = Branch { r: mix(c, b.r, s, b.s, 0.0, b.t), s: mix(-s, b.r, c, b.s, 0.0, b.t), ..b };
         let one = b.deform([0.8 * 1.3, 0.6 * 1.3], p, t, t);

@@ -1,22 +1,22 @@
-//! Keeping a bent branch as long as it was. A beam's deflection is transverse, so a strongly bent branch would be
+//! Keeps a bent branch as long as it was. A beam's deflection is transverse, so a strongly bent branch would be
 //! stretched: by 15 % at a tip deflection of half its length. Everything here is in the plane of bending and in units
 //! of the branch's length.
 //!
-//! Three answers:
+//! There are three answers:
 //!
-//! - [`printed`], H9 Eq. 4.9–4.11: the point slides back along its tangent. It over-corrects: −4.5 % (α = 0.3, tip 0.5
-//!   L), −14 % (α = 0.1, tip 1 L). Eq. 4.9 divides by u′; d = u u′/(1+s) with s = √(1+u′²) is the same number without
-//!   the 0/0 at the root.
-//! - [`bend`]: the point is put where the arc length from the root is what it was, by two Newton steps from the printed
-//!   answer with a four-point rule for the arc, in the coordinate of [`super::taper`], where the arc is smooth up to
-//!   the tip of any taper. Length error below 0.02 % for tip deflections up to 1 L. `f64` and `f32` alike: this is what
-//!   the shader does.
-//! - [`settled`]: the same curve from the exact u with the arc solved to 1e-10: the reference of both, and what a
-//!   measurement sees.
+//! - [`printed`] is H9 Eq. 4.9–4.11: the point slides back along its tangent. It over-corrects: −4.5 % (α = 0.3, tip
+//!   0.5 L), −14 % (α = 0.1, tip 1 L). Eq. 4.9 divides by u′; d = u u′/(1+s) with s = √(1+u′²) is the same number
+//!   without the 0/0 at the root.
+//! - [`bend`] puts the point where the arc length from the root is what it was. It takes two Newton steps from the
+//!   printed answer with a four-point rule for the arc, in the coordinate of [`super::taper`], in which the arc is
+//!   smooth up to the tip of any taper. The error of the length is below 0.02 % for tip deflections up to 1 L. `f64`
+//!   and `f32` use the same steps, and so does the shader.
+//! - [`settled`] is the same curve from the exact u, with the arc solved to 1e-10. It is the reference of both, and it
+//!   is what a measurement sees.
 //!
-//! The bent axis is the graph of A u(x), A = F/(E′r₁⁴) over L. A real branch under a load that keeps its direction
-//! deviates from that graph as the tip deflection grows beyond a quarter of its length; no geometrically exact beam is
-//! solved here.
+//! The bent axis is the graph of A u(x), where A is F/(E′r₁⁴) over L. A real branch under a load that keeps its
+//! direction deviates from that graph as the tip deflection exceeds a quarter of its length. No geometrically exact
+//! beam is solved here.
 
 use super::beam;
 use super::quadrature::{Node, TWELVE, TWENTY_FOUR, four};
@@ -38,7 +38,8 @@ pub struct Bent<T> {
     pub curvature: T,
 }
 
-/// H9 Eq. 4.9–4.11 at `x`, given A u(x) and A u′(x): along, across, and x − d/s, where Eq. 4.14 takes its slope.
+/// H9 Eq. 4.9–4.11 at `x`, given A u(x) and A u′(x). Returns x − d/s, where Eq. 4.14 takes its slope and which is also
+/// the place along the axis, and the place across.
 pub fn printed<T: Scalar>(x: T, u: T, du: T) -> (T, T) {
     let s = (T::one() + du * du).sqrt();
     // d/s with d = u (s−1)/u′ = u u′/(1+s).
@@ -48,7 +49,7 @@ pub fn printed<T: Scalar>(x: T, u: T, du: T) -> (T, T) {
 /// Newton steps of [`bend`].
 pub const STEPS: usize = 2;
 
-/// Where the point at arc length `x` (0 to 1) goes for an amplitude A ≥ 0. Never leaves the range for finite input.
+/// Where the point at arc length `x` (0 to 1) moves to for an amplitude A ≥ 0. The result is finite for finite input.
 pub fn bend<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T) -> Bent<T> {
     let nodes = four().map(|(t, g)| (T::of(t), T::of(g)));
     bend_with(shape, x, amplitude, &nodes, STEPS)
@@ -61,7 +62,7 @@ pub fn bend_with<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T, nodes: &[(T, T
     let start = printed(x, amplitude * u, amplitude * du).0;
     let mut y = coordinate(shape, start.at_least(T::zero()));
     for _ in 0..steps {
-        // The arc less the straight way, which is known in closed form: at rest nothing moves.
+        // The arc less the straight distance, which is known in closed form. So nothing moves at rest.
         let mut extra = T::zero();
         for (t, g) in nodes {
             let [a, b] = curve.velocity(y * *t);
@@ -105,8 +106,8 @@ impl<T: Scalar> Curve<'_, T> {
     }
 }
 
-/// Length of the bent axis between the root and the point that [`bend`] gives for `x`, over x: 1 where the length is
-/// kept.
+/// Length of the bent axis between the root and the point that [`bend`] gives for `x`, divided by x. It is 1 where the
+/// length is kept.
 pub fn kept(shape: &Shape<f64>, bent: &Bent<f64>, x: f64, amplitude: f64) -> f64 {
     let curve = Curve { shape, amplitude };
     let y = coordinate(shape, bent.along);
@@ -134,7 +135,7 @@ fn settled_with(nodes: &[Node], alpha: f64, x: f64, amplitude: f64) -> Bent<f64>
     for _ in 0..30 {
         let step = (arc(y) - x) / speed(y);
         y = (y - step).clamp(0.0, 1.0);
-        // Newton squares the error: what is left after a step of 1e-8 is rounding.
+        // Newton's method squares the error: after a step of 1e-8 only rounding is left.
         if step.abs() < 1e-8 {
             break;
         }
@@ -155,13 +156,13 @@ fn settled_with(nodes: &[Node], alpha: f64, x: f64, amplitude: f64) -> Bent<f64>
 mod tests {
     use super::*;
 
-    /// A polygon's length: no derivative, no quadrature rule of ours.
+    /// The length of a polygon, which uses neither a derivative nor one of our quadrature rules.
     fn polygon(points: impl Iterator<Item = [f64; 2]>) -> f64 {
         let all: Vec<[f64; 2]> = points.collect();
         all.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum()
     }
 
-    /// Places that crowd towards the tip, where thin tapers turn sharply.
+    /// Places that become denser towards the tip, where thin tapers turn sharply.
     fn places(n: usize) -> impl Iterator<Item = f64> {
         (0..=n).map(move |k| {
             let t = k as f64 / n as f64;
@@ -178,7 +179,7 @@ mod tests {
                     places(3000).map(|x| settled(alpha, x, amplitude)).map(|b| [b.along, b.across]).collect();
                 let length = polygon(points.iter().copied());
                 assert!((length - 1.0).abs() < 1e-5, "α {alpha}, tip {tip}: {length}");
-                // Half of it as well.
+                // The length of the first half must be right as well.
                 let half = places(3000).take_while(|x| *x <= 0.5).count();
                 let partial = polygon(points[..half].iter().copied());
                 let end = places(3000).nth(half - 1).unwrap();
@@ -187,7 +188,7 @@ mod tests {
         }
     }
 
-    /// Twelve nodes are enough: twice as many say the same.
+    /// Twelve nodes are enough: twice as many give the same result.
     #[test]
     fn the_arc_is_settled_to_rounding() {
         let mut worst = 0.0f64;

@@ -1,16 +1,18 @@
-//! Motion textures: periodic two-channel noise whose straight lines are the swaying of a branch (H9 §4.5.2–4.5.3).
+//! Motion textures: periodic two-channel noise. A straight line through it gives the swaying of a branch (H9
+//! §4.5.2–4.5.3).
 //!
-//! Channel 0 drives the deflection towards r, channel 1 towards s: two independent fields with one spectrum, the real
-//! and the imaginary part of one inverse FFT. Values are in the unit whose power density the spectrum states (for
-//! [`super::wind::Sway`]: tip deflection over length), not normalised. The same seed gives the same texture.
+//! Channel 0 drives the deflection towards r, channel 1 towards s. They are two independent fields with one spectrum:
+//! the real and the imaginary part of one inverse FFT. Values have the unit whose power density the spectrum states
+//! (for [`super::wind::Sway`], tip deflection over length); they are not normalised. The same seed gives the same
+//! texture.
 //!
-//! Isotropic textures ([`Method::Plain`], [`Method::InverseAbel`]) may be crossed in any direction, as leaves do; they
-//! cannot hold a sharp resonance. [`Method::Directed`] can, for lines nearly along x: one branch a line, far enough
-//! apart in y.
+//! Isotropic textures ([`Method::Plain`], [`Method::InverseAbel`]) may be crossed in any direction, as leaves do, but
+//! they cannot represent a sharp resonance. [`Method::Directed`] can, for lines nearly along x: one line for each
+//! branch, far enough apart in y.
 //!
-//! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the
-//! power there; directed textures make up for it); a texture of n texels a side then holds frequencies down to f_min =
-//! 8 f_max/n. (The print has f_max/(8 n).)
+//! A cycle of the highest frequency f_max takes 8 texels, so that the hardware's linear filter is good enough (it
+//! removes 10 % of the power there; directed textures compensate for it). A texture of n texels a side then contains
+//! frequencies down to f_min = 8 f_max/n. (The print has f_max/(8 n).)
 
 use super::motion_spectrum::{Method, Rings};
 use mesophyll_fourier::Complex;
@@ -18,7 +20,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
-/// Texels a cycle of the highest frequency.
+/// Texels in a cycle of the highest frequency.
 pub const TEXELS_A_CYCLE: usize = 8;
 
 /// A texture of `size` × `size` texels, row by row, texel centres at (i + ½)/size.
@@ -26,7 +28,7 @@ pub const TEXELS_A_CYCLE: usize = 8;
 pub struct Motion {
     /// Texels along each edge.
     pub size: usize,
-    /// Lowest and highest frequency that it holds (Hz), for a line at [`Motion::speed`].
+    /// Lowest frequency that it contains (Hz), for a line at [`Motion::speed`].
     pub lowest: f64,
     /// The highest frequency (Hz).
     pub highest: f64,
@@ -36,12 +38,12 @@ pub struct Motion {
     pub method: Method,
 }
 
-/// Texels a cycle of the highest frequency along y of a directed texture.
+/// Texels in a cycle of the highest frequency along y of a directed texture.
 const TEXELS_ACROSS: usize = 16;
-/// A line through a directed texture climbs by one of its independent rows in each passage, and by up to this share
-/// more: rows that are one climb apart have nothing in common, and the line meets its first row again only after as
-/// many passages as there are rows. The frequencies along it are smeared by slope times cycles along y: at most about
-/// half a step of the texture's own.
+/// In each passage a line through a directed texture climbs by one of the texture's independent rows, and by up to this
+/// share more. Rows that are one climb apart are independent, and the line meets its first row again only after as many
+/// passages as there are rows. This smears the frequencies along the line by slope times cycles along y: at most about
+/// half a frequency step of the texture.
 const UNEVEN: f64 = 0.03;
 
 /// Cycles along y of a directed texture: from minus this to this; its independent rows are one more than twice this.
@@ -59,8 +61,8 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// A line in any direction, of its own for every `seed`. `speed`: [`Motion::speed`]. Directions whose slope is near
-    /// a ratio of small whole numbers close on themselves early and are passed over.
+    /// A line in any direction; every `seed` gives another one. `speed` is [`Motion::speed`]. Directions whose slope is
+    /// near a ratio of small whole numbers are not used, because such lines soon repeat.
     pub fn new(seed: u64, speed: f64) -> Trajectory {
         let mut rng = Pcg64::seed_from_u64(seed);
         let start = [rng.random::<f64>(), rng.random::<f64>()];
@@ -100,15 +102,15 @@ fn nearly_rational(angle: f64) -> bool {
 }
 
 impl Motion {
-    /// Texture units a second at which a line shows the frequencies as they are. A branch whose own resonance is f
-    /// instead of the texture's f_h goes f/f_h times as fast (H9 "Branch frequencies"); its density is then f_h/f of
-    /// the wanted one at f/f_h times the frequency.
+    /// Speed (texture units a second) at which a line has the texture's frequencies. A branch whose own resonance is f
+    /// instead of the texture's f_h moves f/f_h times as fast (H9 "Branch frequencies"). Its density is then f_h/f
+    /// times the wanted one, at f/f_h times the frequency.
     pub fn speed(&self) -> f64 {
         self.lowest
     }
 
-    /// A texture in whose lines `spectrum` (one-sided power density over Hz) is found from `highest`·8/`size` up to
-    /// `highest` (Hz). `size`: at least 32 texels; powers of two are quickest. `None` for a smaller size, a `highest`
+    /// A texture whose lines have the `spectrum` (one-sided power density over Hz) from `highest`·8/`size` up to
+    /// `highest` (Hz). `size` is at least 32 texels; powers of two are fastest. `None` for a smaller size, a `highest`
     /// that is not positive, or a spectrum that is not positive and finite there.
     pub fn new(spectrum: impl Fn(f64) -> f64, highest: f64, size: usize, seed: u64, method: Method) -> Option<Motion> {
         if size < 32 || !(highest > 0.0 && highest.is_finite()) {
@@ -119,12 +121,12 @@ impl Motion {
         if !(1..=count).all(|j| (f64::MIN_POSITIVE..f64::MAX).contains(&spectrum(j as f64 * lowest))) {
             return None;
         }
-        // Two-sided density of a line along x, a unit of k, over the waves across.
+        // Two-sided density of a line along x, for each unit of the wave number k, over the waves across.
         let across = across(size);
         let directed: Vec<f64> =
             (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * across + 1) as f64).collect();
-        // What the linear filter leaves of the power of a wave of k cycles: sinc⁴(k/size). A directed texture makes up
-        // for it.
+        // The share of the power of a wave of k cycles that the linear filter leaves: sinc⁴(k/size). A directed texture
+        // compensates for it.
         let filtered = |k: i64| {
             let x = std::f64::consts::PI * k as f64 / size as f64;
             if x == 0.0 { 1.0 } else { (x.sin() / x).powi(4) }
@@ -140,14 +142,14 @@ impl Motion {
                     Method::Directed => column.unsigned_abs() as usize,
                     _ => ((row * row + column * column) as f64).sqrt().round() as usize,
                 };
-                // Drawn for every place, so that a change of spectrum keeps the pattern of phases.
+                // It is drawn for every place, so that the pattern of phases is the same when the spectrum changes.
                 let angle = TAU * rng.random::<f64>();
                 if ring == 0 || ring > count {
                     continue;
                 }
-                // Random phases, fixed sizes: each part of the sum has the variance Σ Φ whatever the draw, and so many
-                // waves are Gaussian together. (H9 Eq. 4.18 draws the sizes as well; the spectrum of one texture then
-                // scatters by that.)
+                // Phases are random, sizes are fixed. So each part of the sum has the variance Σ Φ whatever the draw,
+                // and the sum of this many waves is Gaussian. (H9 Eq. 4.18 also draws the sizes; then the spectrum of a
+                // single texture scatters.)
                 let density = match method {
                     Method::Directed => directed[ring - 1] / (filtered(row) * filtered(column)),
                     _ => rings.0[ring - 1],
@@ -203,7 +205,7 @@ impl Motion {
     }
 }
 
-/// Rows, then columns; unnormalised, as a sum of waves is.
+/// Transforms rows, then columns, without normalisation, as for a sum of waves.
 fn inverse_transform(field: &mut [Complex<f64>], size: usize) {
     let fft = mesophyll_fourier::inverse(size);
     let mut turned = vec![Complex::new(0.0, 0.0); field.len()];
@@ -219,8 +221,8 @@ fn inverse_transform(field: &mut [Complex<f64>], size: usize) {
 }
 
 /// How far the spectrum of lines through a texture is from the wanted one: root mean square of log₁₀(measured/wanted)
-/// over `bands` bands, even in ln f between twice the lowest and the highest frequency, measured along `lines`
-/// trajectories. Both channels are used. Also returns the bands: (frequency, wanted, measured).
+/// over `bands` bands. The bands are even in ln f between twice the lowest and the highest frequency, and the spectrum
+/// is measured along `lines` trajectories in both channels. Also returns the bands: (frequency, wanted, measured).
 pub fn deviation(motion: &Motion, spectrum: impl Fn(f64) -> f64, lines: u64, bands: usize) -> (f64, Vec<[f64; 3]>) {
     let dt = 1.0 / (TEXELS_A_CYCLE as f64 * motion.highest);
     // Eight times the resolution of the texture: neighbouring lines of its lattice are averaged within a band.
@@ -268,9 +270,9 @@ mod tests {
 
     #[test]
     fn lines_have_the_wanted_spectrum() {
-        // Isotropic textures: where the inverse is exact, what is left is the uneven count of lattice waves a
-        // frequency, and the filter, which takes 10 % at the highest one. A sharp resonance (a tenth of critical) has
-        // no inverse: 0.18 is the least an isotropic texture can do.
+        // Isotropic textures. Where the inverse is exact, two errors remain: the uneven number of lattice waves at each
+        // frequency, and the filter, which takes 10 % at the highest one. A sharp resonance (a tenth of critical
+        // damping) has no inverse: 0.18 is the best that an isotropic texture can do.
         for (ratio, limit) in [(2.0, 0.08), (0.25, 0.08), (0.1, 0.25)] {
             let s = sway(ratio);
             let of = |method| {
@@ -282,7 +284,7 @@ mod tests {
                 "damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel, \
                  {directed:.3} directed"
             );
-            // A directed one has no such limit.
+            // A directed texture has no such limit.
             assert!(directed < 0.08, "{ratio}: {directed}");
             assert!(abel < limit && abel < 0.6 * plain, "{ratio}: {abel} against {plain}");
         }
@@ -300,22 +302,22 @@ mod tests {
                 assert!((p - q).abs() < 1e-9 * a.rms()[0]);
             }
         }
-        // Texel centres are texels.
+        // The values at texel centres are those of the texels.
         let v = a.sample([(7.0 + 0.5) / 128.0, (100.0 + 0.5) / 128.0]);
         assert!((v[0] - f64::from(a.values[100 * 128 + 7][0])).abs() < 1e-6 * a.rms()[0]);
-        // Twice the lean, twice the motion: units, not a normalised texture.
+        // Twice the lean gives twice the motion: the texture has units and is not normalised.
         let twice = Sway { lean: 0.2, ..s };
         let b = Motion::new(|f| twice.spectrum(f), s.highest(), 128, 3, Method::InverseAbel).unwrap();
         assert!((b.rms()[1] / a.rms()[1] - 2.0).abs() < 1e-5);
-        // The variance is that of the band: the sum over lattice frequencies of what a line sees, within what one draw
-        // scatters.
+        // The variance is that of the band: the sum over the lattice's frequencies of what a line sees, within the
+        // scatter of one draw.
         let wanted: f64 = (1..=16).map(|j| s.spectrum(f64::from(j) * a.lowest) * a.lowest).sum();
         let have = (a.rms()[0].powi(2) + a.rms()[1].powi(2)) / 2.0;
         println!("variance {have:.3e} of {wanted:.3e} in the band from the lowest frequency");
         assert!(have / wanted > 0.8 && have / wanted < 2.0, "{have} {wanted}");
     }
 
-    /// A line through a directed texture has nothing in common with itself later on, for ten minutes and more.
+    /// A line through a directed texture does not resemble itself later, for ten minutes and more.
     #[test]
     fn lines_do_not_repeat_within_ten_minutes() {
         let s = sway(0.15);
@@ -326,7 +328,7 @@ mod tests {
             let n = (1200.0 / dt) as usize;
             let line: Vec<f64> = (0..n).map(|k| motion.sample(path.at(k as f64 * dt))[0]).collect();
             let square: f64 = line.iter().map(|v| v * v).sum::<f64>() / n as f64;
-            // The swaying dies away within ten seconds; a repetition would bring all of it back.
+            // The correlation dies away within ten seconds; a repetition would bring it back completely.
             let worst = ((10.0 / dt) as usize..(600.0 / dt) as usize)
                 .map(|lag| {
                     let pairs = n - lag;

@@ -1,12 +1,12 @@
-//! What spectrum a texture must have so that a straight line through it has the spectrum that is wanted, and how to
-//! measure the latter.
+//! The spectrum that a texture must have so that a straight line through it has the wanted spectrum, and how to measure
+//! the latter.
 //!
-//! H9 §4.5.3 gives a radially symmetric texture the wanted spectrum itself. But a line through an isotropic field sees
-//! the *Abel projection* of the field's spectrum Φ(ρ): S₁(k) = 2 ∫_k^∞ Φ(ρ) ρ dρ / √(ρ² − k²). So Φ has to be the
-//! inverse projection. It is solved on rings one frequency step wide, where the projection is a triangular matrix in
-//! closed form. A resonance that stands out of its surroundings has no inverse without negative power below it: every
-//! ring also feeds all lower frequencies of the line. There Φ is the non-negative one of least relative deviation
-//! (Richardson–Lucy iteration; W. H. Richardson, J. Opt. Soc. Am. 62 (1972), 55–59), and the rest is a fact of
+//! H9 §4.5.3 gives a radially symmetric texture the wanted spectrum itself. But a line through an isotropic field has
+//! the *Abel projection* of the field's spectrum Φ(ρ): S₁(k) = 2 ∫_k^∞ Φ(ρ) ρ dρ / √(ρ² − k²). So Φ must be the inverse
+//! projection. It is solved on rings that are one frequency step wide; there the projection is a triangular matrix in
+//! closed form. A sharp resonance has no inverse without negative power below it, because every ring also adds to all
+//! lower frequencies of the line. Then Φ is the non-negative spectrum of least relative deviation (Richardson–Lucy
+//! iteration; W. H. Richardson, J. Opt. Soc. Am. 62 (1972), 55–59). The deviation that remains is unavoidable for
 //! isotropic textures.
 
 use mesophyll_fourier::Complex;
@@ -14,13 +14,13 @@ use mesophyll_fourier::Complex;
 /// How a texture's spectrum is made from the wanted one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// The wanted spectrum itself, as H9 has it; only the variance is made right.
+    /// The wanted spectrum itself, as in H9; only the variance is made right.
     Plain,
     /// Its inverse Abel projection.
     #[default]
     InverseAbel,
-    /// Not isotropic: the wanted spectrum along x, a narrow band along y. Lines that run nearly along x
-    /// ([`super::motion::Motion::trajectory`]) have the wanted spectrum however sharp its resonance; lines in other
+    /// Not isotropic: the wanted spectrum along x and a narrow band along y. Lines nearly along x
+    /// ([`super::motion::Motion::trajectory`]) have the wanted spectrum, however sharp its resonance is. Lines in other
     /// directions do not.
     Directed,
 }
@@ -33,9 +33,9 @@ pub struct Rings(pub Vec<f64>);
 const ROUNDS: usize = 400;
 
 impl Rings {
-    /// From a one-sided power density `spectrum(f)` in Hz: ring j stands for j times `lowest`.
+    /// From a one-sided power density `spectrum(f)` in Hz; ring j belongs to the frequency j times `lowest`.
     pub fn new(spectrum: impl Fn(f64) -> f64, lowest: f64, count: usize, method: Method) -> Rings {
-        // Two-sided, a unit of k.
+        // Two-sided, for each unit of the wave number k.
         let wanted: Vec<f64> = (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest)).collect();
         let plain = {
             let raw = Rings(wanted.clone());
@@ -68,7 +68,7 @@ fn kernel(i: usize, j: usize) -> f64 {
 
 fn inverse(wanted: &[f64], plain: &Rings) -> Rings {
     let n = wanted.len();
-    // Peeled from the outermost ring inward: exact where the result is not negative.
+    // Solves from the outermost ring inward; it is exact where the result is not negative.
     let mut power = vec![0.0; n];
     for i in (1..=n).rev() {
         let outer: f64 = (i + 1..=n).map(|j| kernel(i, j) * power[j - 1]).sum();
@@ -127,7 +127,7 @@ mod tests {
     fn the_projection_of_a_gaussian_is_a_gaussian() {
         let a = 12.0f64;
         let rings = Rings((1..=90).map(|j| (-f64::from(j * j) / (2.0 * a * a)).exp()).collect());
-        // Up to two standard deviations: steps of one ring follow the slope to about half a percent there.
+        // Up to two standard deviations of k: there, steps of one ring follow the slope to about half a percent.
         for (k, p) in rings.projected().iter().take(24).enumerate() {
             let i = (k + 1) as f64;
             let exact = a * std::f64::consts::TAU.sqrt() * (-i * i / (2.0 * a * a)).exp();

@@ -1,5 +1,5 @@
-//! `f64` and `f32` behind one name, so that what a shader computes is written once: the `f32` form runs the formulas of
-//! the `f64` form.
+//! `f64` and `f32` under one name, so that the shader's formulas are written once: the `f32` form computes exactly the
+//! formulas of the `f64` form.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -15,7 +15,7 @@ pub trait Scalar:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// Terms of a power series in a quantity below 1/9 that reach the type's precision.
+    /// Number of terms with which a power series in a quantity below 1/9 reaches the type's precision.
     const SERIES: usize;
     /// The nearest number of this type.
     fn of(value: f64) -> Self;
@@ -38,11 +38,11 @@ pub trait Scalar:
     fn one() -> Self {
         Self::of(1.0)
     }
-    /// The larger; the other one where one is NaN.
+    /// The larger of both; the other number where one is NaN.
     fn at_least(self, low: Self) -> Self {
         if self > low { self } else { low }
     }
-    /// The smaller; the other one where one is NaN.
+    /// The smaller of both; the other number where one is NaN.
     fn at_most(self, high: Self) -> Self {
         if self < high { self } else { high }
     }

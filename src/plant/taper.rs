@@ -1,21 +1,21 @@
 //! A branch's deflection as four numbers in a coordinate that follows its taper.
 //!
-//! Polynomials in x converge badly for thin tips: u(x) of a strong taper is a logarithm that nearly diverges at the
-//! tip, and 11 terms still miss a fifth of the tip's deflection at α = 1e-4. In y = ln w / ln α, with w = 1 + (α−1)x
-//! the radius over the root's, u is an entire function: a line, exponentials of ±y ln α, and nothing else. y runs from
-//! 0 at the root to 1 at the tip and becomes x as α → 1. So
+//! Polynomials in x converge badly for thin tips. For a strong taper, u(x) is a logarithm that nearly diverges at the
+//! tip, and 11 terms still have an error of a fifth of the tip's deflection at α = 1e-4. As a function of y = ln w / ln
+//! α, where w = 1 + (α−1)x is the radius over the root's, u is entire: the sum of a line and exponentials of ±y ln α. y
+//! is 0 at the root and 1 at the tip, and becomes x as α → 1. So
 //!
 //! ```text
 //! u ≈ P(y) = a₂y² + a₃y³ + a₄y⁴ + a₅y⁵,    u′ = P′(y) / (w ℓ),    ℓ = ln α / (α − 1)
 //! ```
 //!
-//! The a's are smooth functions of ln α ([`Smooth`]): a tree hands over its tapers and needs no fit of its own.
-//! [`Shape`] is what a shader gets: eight plain numbers a branch.
+//! The coefficients a are smooth functions of ln α ([`Smooth`]), so a tree hands over its tapers and needs no fit.
+//! [`Shape`] is what a shader gets: eight plain numbers for each branch.
 
 use super::beam::{TAPER_MAX, TAPER_MIN};
 use super::scalar::Scalar;
 
-/// Coefficients a branch: a₂ … a₅.
+/// Coefficients of a branch: a₂ … a₅.
 pub const TERMS: usize = 4;
 
 /// What a renderer needs to bend a branch of one taper; deflections are of the normalised beam (F/(E′r₁⁴) = 1, unit
@@ -33,13 +33,13 @@ pub struct Shape<T> {
 }
 
 impl Shape<f64> {
-    /// From a taper and its coefficients.
+    /// A shape from a taper and its coefficients.
     pub fn new(alpha: f64, a: [f64; TERMS]) -> Self {
         let ln_alpha = alpha.ln();
         Shape { alpha, ln_alpha, ell: ell(alpha), a }
     }
 
-    /// The same numbers as a shader holds them.
+    /// The same numbers in single precision, as a shader has them.
     pub fn single(&self) -> Shape<f32> {
         let f = |v: f64| v as f32;
         Shape { alpha: f(self.alpha), ln_alpha: f(self.ln_alpha), ell: f(self.ell), a: self.a.map(f) }
@@ -52,8 +52,8 @@ pub fn ell(alpha: f64) -> f64 {
     if beta == 0.0 { 1.0 } else { beta.ln_1p() / beta }
 }
 
-/// y of x: ln(1+(α−1)x)/ln α. From α = ½ upward by the series of the area hyperbolic tangent, whose common factor
-/// cancels, so that α → 1 is regular.
+/// y of x: ln(1+(α−1)x)/ln α. For α ≥ ½ it uses the series of the area hyperbolic tangent, whose common factor cancels,
+/// so that α → 1 is regular.
 pub fn coordinate<T: Scalar>(shape: &Shape<T>, x: T) -> T {
     let (one, two) = (T::one(), T::of(2.0));
     let beta = shape.alpha - one;
@@ -112,7 +112,7 @@ impl<T: Scalar> Shape<T> {
     }
 }
 
-/// Coefficients as functions of the taper: a Chebyshev series each, in ln α scaled to [−1, 1] over [`TAPER_MIN`],
+/// Coefficients as functions of the taper: one Chebyshev series for each, in ln α scaled to [−1, 1] over [`TAPER_MIN`],
 /// [`TAPER_MAX`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smooth {
@@ -147,7 +147,7 @@ impl Smooth {
         Shape::new(alpha, std::array::from_fn(|k| self.series[k].iter().zip(&t).map(|(c, t)| c * t).sum()))
     }
 
-    /// How many numbers stand for all tapers.
+    /// How many numbers describe all tapers.
     pub fn len(&self) -> usize {
         self.series.iter().map(Vec::len).sum()
     }
@@ -180,7 +180,7 @@ mod tests {
         }
     }
 
-    /// The logarithm itself, in its own precision, away from α = 1.
+    /// Compares with the logarithm itself, at its own precision, away from α = 1.
     #[test]
     fn the_series_is_the_logarithm() {
         for alpha in [0.5, 0.6, 0.8, 1.2] {

@@ -1,4 +1,4 @@
-//! Wind and how a branch answers it: spectra, resonance, mass, leaning and the weights of a leaf's three motion
+//! Wind and the answer of a branch to it: spectra, resonance, mass, leaning, and the weights of a leaf's three motion
 //! textures.
 //!
 //! Units: Hz, m, m/s, kg, s. Spectra are one-sided power densities.
@@ -16,7 +16,7 @@ pub struct Wind {
 
 impl Wind {
     /// Power density of the speed ((m/s)²/Hz) at `f` (Hz): H9 Eq. 4.15, P ∝ v_m/(1 + f/v_m)^(5/3), scaled so that the
-    /// integral over all frequencies is (turbulence · v_m)². The source's f/v_m stands for f · 1 m / v_m.
+    /// integral over all frequencies is (turbulence · v_m)². The source's f/v_m means f · 1 m / v_m.
     pub fn spectrum(&self, f: f64) -> f64 {
         let sigma = self.turbulence * self.speed;
         // ∫ (1 + f/v)^(−5/3) df = 3v/2.
@@ -34,8 +34,8 @@ pub struct Oscillator {
 }
 
 impl Oscillator {
-    /// A branch of `length` (m): f_h = 2.55 L^(−0.59) (H9 Eq. 4.20, measured on broad-leaved trees); without leaves 2.5
-    /// times that. `ratio` is the damping over the critical one.
+    /// A branch of `length` L (m): f_h = 2.55 L^(−0.59) (H9 Eq. 4.20, measured on broad-leaved trees), and 2.5 times
+    /// that without leaves. `ratio` is the damping over the critical one.
     pub fn of_branch(length: f64, leafless: bool, ratio: f64) -> Self {
         let resonance = resonance(length, leafless);
         Oscillator { resonance, damping: ratio * 4.0 * PI * resonance }
@@ -48,7 +48,7 @@ impl Oscillator {
         1.0 / (2.0 * PI * mass * self.denominator(f))
     }
 
-    /// Amplification over a steady force: 1 at f = 0.
+    /// Amplification relative to a steady force: 1 at f = 0.
     pub fn response(&self, f: f64) -> f64 {
         2.0 * PI * self.resonance * self.resonance / self.denominator(f)
     }
@@ -71,7 +71,7 @@ pub struct Sway {
     /// Its resonance and damping.
     pub oscillator: Oscillator,
     /// Tip deflection over length that a steady wind of the mean speed would cause across the branch. The force is
-    /// taken as proportional to the speed (H9 Eq. 4.19), so gusts of σ add σ/v_m of it.
+    /// taken as proportional to the speed (H9 Eq. 4.19), so gusts of standard deviation σ add σ/v_m of it.
     pub lean: f64,
 }
 
@@ -87,8 +87,8 @@ impl Sway {
         2.0 * self.oscillator.resonance
     }
 
-    /// Steady tip deflection over length towards r and s in a wind from direction `wind` (a vector along which it
-    /// blows, of any length but 0): H9 Eq. 4.21–4.22. No direction, no lean.
+    /// Steady tip deflection over length towards r and s in a wind that blows along the vector `wind`, of any length:
+    /// H9 Eq. 4.21–4.22. A zero vector gives no lean.
     pub fn steady(&self, wind: [f64; 3], r: [f64; 3], s: [f64; 3]) -> [f64; 2] {
         let size = wind.iter().map(|c| c * c).sum::<f64>().sqrt();
         if !(size > 0.0 && size.is_finite()) {
@@ -98,10 +98,10 @@ impl Sway {
     }
 }
 
-/// A truncated cone: a branch, for its mass.
+/// A truncated cone that stands for a branch when its mass is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cone {
-    /// Length and radii at root and tip (m).
+    /// Length (m).
     pub length: f64,
     /// Radius at the root (m).
     pub root: f64,
@@ -190,7 +190,7 @@ mod tests {
     fn weights_sum_to_one_and_survive_still_air() {
         assert_eq!(leaf_weights([0.0; 3]), [1.0 / 3.0; 3]);
         assert_eq!(leaf_weights([f64::NAN, 0.0, 0.0]), [1.0 / 3.0; 3]);
-        // Wind along x: the plane yz is crossed head-on and gets nothing.
+        // With wind along x, the plane yz is crossed head-on and gets no weight.
         assert_eq!(leaf_weights([3.0, 0.0, 0.0]), [0.5, 0.0, 0.5]);
         for w in [[1.0, 1.0, 1.0], [0.1, -2.0, 5.0], [1e-200, 0.0, 2e-200]] {
             assert!((leaf_weights(w).iter().sum::<f64>() - 1.0).abs() < 1e-12, "{w:?}");

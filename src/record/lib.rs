@@ -1,5 +1,5 @@
-//! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside
-//! it in `times.toml`.
+//! `fit.toml`: what a fit folder states about itself. The same input and seed give the same bytes, so times are kept
+//! apart in `times.toml`.
 
 #![warn(missing_docs)]
 
@@ -22,16 +22,16 @@ use std::time::Instant;
 /// Version of this file format.
 pub const SCHEMA: u32 = 1;
 
-/// A fitted parameter: one value, or one a colour channel.
+/// A fitted parameter: one value, or one for each colour channel.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Param {
     /// One number a channel (RGB) or a single one.
     pub value: Vec<f64>,
     /// Standard errors, same length; infinite where undetermined.
     pub stderr: Vec<f64>,
-    /// The part of `stderr` that the caliper's reading of the thickness brings (`thickness_err_mm`), the same share for
-    /// all of the leaf; the rest is the fit's own, and the two add as squares. Empty where the caliper has no part in
-    /// it.
+    /// The part of `stderr` that comes from the caliper's reading of the thickness (`thickness_err_mm`), as the same
+    /// share for all of the leaf. The rest is the fit's own; the two add as squares. Empty where the caliper does not
+    /// contribute.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stderr_caliper: Vec<f64>,
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -53,7 +53,7 @@ pub struct Residuals {
     pub reduced_chi2: f64,
     /// Unweighted root mean square.
     pub rms: f64,
-    /// Worst texel's reduced χ² and where it is (column, row).
+    /// Worst texel's reduced χ².
     pub worst: f64,
     /// The worst texel: column, row.
     pub worst_at: [usize; 2],
@@ -62,10 +62,10 @@ pub struct Residuals {
 /// A side of a leaf, or the only section of a fit without sides.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Section {
-    /// Texels by fate: good, outside, and each named defect.
+    /// Number of texels by fate: good, outside, and each named defect.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub counts: BTreeMap<String, usize>,
-    /// Texels (or runs) by termination name.
+    /// Number of texels (or runs) by termination name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terminations: BTreeMap<String, usize>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -107,24 +107,25 @@ pub struct TruthError {
     pub median_relative: f64,
     /// 99 % of the values are off by less than this share of the truth.
     pub p99_relative: f64,
-    /// Share of truths inside the 95 % interval; NaN-free: absent when no standard error is known.
+    /// Share of truths inside the 95 % interval; absent when no standard error is known, so that it is never NaN.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage95: Option<f64>,
-    /// How many values that share is over.
+    /// The number of values that the share is computed from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub judged: Option<usize>,
 }
 
-/// Figure: how rough the traces are over how rough their stated noise would make them (standard deviations).
+/// Figure: the roughness of the traces divided by the roughness that their stated noise would cause (standard
+/// deviations).
 pub const NOISE_SEEN: &str = "noise_seen_over_stated";
-/// Option: what the mirror strip says of the device's geometry; begins with `warning:` where it contradicts the
+/// Option: what the mirror strip shows of the device's geometry. It begins with `warning:` where it contradicts the
 /// capture.
 pub const MIRROR: &str = "mirror";
 
-/// Figures that are there where the truth keeps another gauge than the fit: mean true thickness over the good texels
-/// relative to the fit's, less 1, and the mean true γ less 1 of the channel where it is farthest off.
+/// Figures that exist where the truth has another gauge than the fit. This one is the mean true thickness over the good
+/// texels relative to the fit's, less 1.
 pub const GAUGE_THICKNESS: &str = "gauge_of_truth_thickness_relative";
-/// As [`GAUGE_THICKNESS`].
+/// The mean true γ less 1, of the channel where it is farthest off; see [`GAUGE_THICKNESS`].
 pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
 
 /// `fit.toml`.
@@ -132,28 +133,28 @@ pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
 pub struct FitRecord {
     /// Version of the file format: [`SCHEMA`].
     pub schema: u32,
-    /// Hash of the rest of the file as it was read. [`FitRecord::write`] computes it anew, so that an edit made by the
-    /// program is accepted.
+    /// Hash of the rest of the file, as it was read. [`FitRecord::write`] computes it again, so that an edit made by
+    /// the program is accepted.
     #[serde(default, skip_serializing)]
     pub record_hash: String,
     /// What it is a fit of.
     pub kind: FitKind,
-    /// What the fit is called: the name in its capture, or of its kind.
+    /// The fit's name: that of its capture, or of its kind.
     pub name: String,
     /// Program and version that made it.
     pub program: String,
     /// Hash of everything the fit was made from (input files and options).
     pub input_hash: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    /// Why the fit ended, where it has one end and not one a side.
+    /// Why the fit ended, where it has one end and not one for each side.
     pub termination: Option<Termination>,
-    /// What the fit was told: options and gauges, as text.
+    /// The options and gauges of the fit, as text.
     #[serde(default)]
     pub options: BTreeMap<String, String>,
     /// Defect code of `mask.Y` → its name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub defects: BTreeMap<String, String>,
-    /// Content hash of every file of the folder, by name: a map changed from outside is noticed.
+    /// Content hash of every file of the folder, by name, so that a map changed from outside is noticed.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
     /// The device of a scan under a tube.
@@ -167,7 +168,7 @@ pub struct FitRecord {
 /// `times.toml`: everything that differs from run to run, and from place to place.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Times {
-    /// Where the capture lay (its content is what `fit.toml` records); absent for fits of something else.
+    /// Where the capture was (`fit.toml` records its content); absent for fits of something else.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capture: Option<String>,
     /// Phase name → wall time (s), in order.
@@ -177,7 +178,7 @@ pub struct Times {
     /// Threads that it ran on.
     pub threads: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    /// The most memory that the process held (MiB), where the system tells.
+    /// Largest amount of memory that the process held (MiB), where the system tells.
     pub peak_memory_mib: Option<f64>,
     /// Named traces: the leaf-wide problem, a typical texel, the worst texel, …
     #[serde(default)]
@@ -251,7 +252,7 @@ impl FitRecord {
         Ok(())
     }
 
-    /// Checks that the numbers of `folder`'s `fit.toml` are the ones that were written, by its record hash.
+    /// Checks by its record hash that the numbers in `folder`'s `fit.toml` are the ones that were written.
     ///
     /// # Errors
     /// [`Error::Missed`] where they are not; the sentence says how a deliberate edit is made.
@@ -259,8 +260,8 @@ impl FitRecord {
         seal::verify(folder)
     }
 
-    /// Writes `fit.toml` with its record hash, last of all files, so that a folder with one is complete, and takes the
-    /// marker of unfinished work away.
+    /// Writes `fit.toml` with its record hash, after all other files, so that a folder with one is complete. Then
+    /// removes the marker of unfinished work.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join("fit.toml");
         let text = toml::to_string(self).map_err(|e| Error::write(&path, e))?;
@@ -275,7 +276,7 @@ impl Times {
         self.spent(name, since.elapsed().as_secs_f64());
     }
 
-    /// Adds a phase that took so many seconds.
+    /// Adds a phase that took this many seconds.
     pub fn spent(&mut self, name: &str, seconds: f64) {
         self.phases.push(Phase { name: name.into(), seconds });
     }

@@ -5,10 +5,10 @@
 //! not at all, `fit.toml` is written last, and parts that a long fit has finished ([`Maker::part`], [`Maker::parts`])
 //! are taken over by the next run.
 //!
-//! The fit itself is a function that gets a [`Maker`]. It reads its inputs and says what it is made from
-//! ([`Maker::up_to_date`]), which claims the folder: one that belongs to somebody else is refused. It computes, opens
-//! the folder for writing ([`Maker::begin`]), writes its maps, and hands its record over ([`Maker::finish`]). An input
-//! that cannot be read is so named before the folder is touched.
+//! The fit itself is a function that gets a [`Maker`]. It reads its inputs and states what it is made from
+//! ([`Maker::up_to_date`]). That claims the folder, and a folder that belongs to something else is refused. Then the
+//! fit computes, opens the folder for writing ([`Maker::begin`]), writes its maps, and hands over its record
+//! ([`Maker::finish`]). So an input that cannot be read is reported before the folder is touched.
 
 use crate::{Error, FitKind, FitRecord, Result, Times, read_toml, write_toml};
 use mesophyll_files::claim::{self, Kind};
@@ -41,7 +41,7 @@ pub struct Maker {
     inputs: Vec<PathBuf>,
     clock: Instant,
     input_hash: String,
-    /// What `times.toml` will say: phases, traces, the capture's place.
+    /// The contents of `times.toml`: phases, traces, the capture's place.
     pub times: Times,
     /// Folder of the finished parts; empty for a fit without parts.
     parts: Arc<OnceLock<PathBuf>>,
@@ -52,8 +52,8 @@ pub fn input_hash<'a>(parts: impl IntoIterator<Item = (&'a str, &'a str)>) -> St
     hash::combine(parts.into_iter().chain([("program", env!("CARGO_PKG_VERSION"))]))
 }
 
-/// Makes a fit of `kind` from `inputs` in the folder `out` by calling `fit`. A folder that was not there before and
-/// that nothing was written to is removed again.
+/// Makes a fit of `kind` from `inputs` in the folder `out` by calling `fit`. If the folder did not exist before and
+/// nothing was written to it, it is removed again.
 ///
 /// # Errors
 /// Those of `fit`. [`Error::Interrupted`] after a stop was asked for; it says what is kept.
@@ -101,7 +101,7 @@ fn stopped(out: &Path, parts: Option<&PathBuf>) -> Error {
 }
 
 impl Maker {
-    /// Does one phase of the fit and keeps how long it took.
+    /// Does one phase of the fit and records how long it took.
     ///
     /// # Errors
     /// Those of `work`.
@@ -113,7 +113,7 @@ impl Maker {
         Ok(done)
     }
 
-    /// Says what the fit is made from (see [`input_hash`]), and claims the folder.
+    /// States what the fit is made from (see [`input_hash`]), and claims the folder.
     ///
     /// # Errors
     /// As [`claim::folder`]: a folder that cannot be written or that holds something else.
@@ -123,8 +123,8 @@ impl Maker {
         claim::folder(&self.out, Kind::Fit(self.kind.name()), &inputs)
     }
 
-    /// As [`Maker::made_from`]. The answer is the fit that the folder holds, if it is this very one and unchanged; with
-    /// `force` there is none.
+    /// As [`Maker::made_from`]. Returns the fit that the folder holds if it is exactly this fit and unchanged; with
+    /// `force` it returns none.
     ///
     /// # Errors
     /// As [`Maker::made_from`].
@@ -136,8 +136,8 @@ impl Maker {
         Ok(found.filter(same).map(|record| Outcome::UpToDate(Box::new(record))))
     }
 
-    /// Folder for the parts of this fit. A stopped run's parts are there again when the same fit is made from the same
-    /// inputs, and only then: `format` says what a part holds, so that a program with other parts begins anew.
+    /// Folder for the parts of this fit. The parts of a stopped run are found there only when the same fit is made from
+    /// the same inputs. `format` describes what a part holds, so that a program with other parts starts again.
     pub fn parts(&self, format: &str) -> &Path {
         self.parts.get_or_init(|| {
             let mine = hash::combine([("input", self.input_hash.as_str()), ("format", format)]);
@@ -145,9 +145,8 @@ impl Maker {
         })
     }
 
-    /// Takes a part over from a run that was stopped, or makes it: `make` writes files into the folder that it gets and
-    /// returns what else is to be known of the part. [`Maker::take_parts`] brings the files into the fit's folder.
-    ///
+    /// Takes over a part from a stopped run, or makes it. `make` writes files into the folder that it gets, and returns
+    /// further results of the part. [`Maker::take_parts`] brings the files into the fit's folder.
     /// # Errors
     /// Those of `make`; a folder that cannot be written.
     pub fn part<T: Serialize + DeserializeOwned>(
@@ -185,8 +184,8 @@ impl Maker {
         Ok(())
     }
 
-    /// Opens the folder for writing. From here to [`Maker::finish`] it is marked as no whole fit, and the record of an
-    /// earlier fit is gone.
+    /// Opens the folder for writing. Until [`Maker::finish`] it is marked as an incomplete fit, and the record of an
+    /// earlier fit is removed.
     ///
     /// # Errors
     /// A folder that cannot be written.
@@ -196,12 +195,12 @@ impl Maker {
         Ok(&self.out)
     }
 
-    /// The record of this fit, with nothing in it yet but what every fit says.
+    /// The record of this fit, with only what every fit states.
     pub fn record(&self, name: &str) -> FitRecord {
         FitRecord::new(self.kind, name, self.input_hash.clone())
     }
 
-    /// Writes `times.toml` and, last of all, `fit.toml`. The parts have then served their purpose and are removed.
+    /// Writes `times.toml` and, last of all, `fit.toml`. The parts are no longer needed then and are removed.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -211,17 +210,17 @@ impl Maker {
         self.times.write(&self.out)?;
         record.write(&self.out)?;
         if let Some(parts) = self.parts.get() {
-            // Parts that cannot be removed do no harm beside a whole fit.
+            // Parts that cannot be removed do no harm in a complete fit.
             let _ = std::fs::remove_dir_all(parts);
         }
         Ok(())
     }
 }
 
-/// Ending of the file that is written last of a part.
+/// Ending of the file of a part that is written last.
 const PART: &str = ".part.toml";
 
-/// High-water mark of this process's memory (MiB), where the system tells.
+/// Largest amount of memory of this process so far (MiB), where the system tells.
 fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;

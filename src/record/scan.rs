@@ -4,7 +4,7 @@ use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
 
-/// The device of a scan as the fit took it: what a frame is predicted with. `[scan]` in `fit.toml`.
+/// The device of a scan as the fit used it; frames are predicted with it. `[scan]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Scan {
     /// Size of a texel (mm).
@@ -19,7 +19,7 @@ pub struct Scan {
     pub tube_length_mm: f64,
     /// Radius of the tube (mm); 0 is a thin line.
     pub tube_radius_mm: f64,
-    /// A lobe by its name, with its index where it has one.
+    /// Name of the lobe.
     pub lobe: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     /// Refractive index of a `cook-torrance` lobe.
@@ -28,11 +28,11 @@ pub struct Scan {
     pub noise_relative: f64,
     /// The part of the noise that does not grow with the value.
     pub noise_floor: f64,
-    /// One frame of every so many was left out (0: none), as this seed drew it.
+    /// One frame of every this many was left out (0: none).
     pub hold_out: usize,
     /// Seed by which the frames were drawn.
     pub hold_out_seed: u64,
-    /// Every so many rows and columns stand in the files of held-out frames, from the first on.
+    /// The step between the rows and columns that the files of held-out frames contain, starting with the first.
     pub stored_step: usize,
 }
 
@@ -68,17 +68,17 @@ impl Scan {
 /// deviations of the noise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct HeldOut {
-    /// Frames that the fit did not see, and where the tube stood (mm).
+    /// Numbers of the frames that the fit did not see.
     pub frames: Vec<usize>,
     /// Where the tube stood in each of them (mm).
     pub positions_mm: Vec<f64>,
-    /// Those of them whose readings stand in `front_held_out.exr`.
+    /// Those of `frames` whose readings are in `front_held_out.exr`.
     pub stored: Vec<usize>,
     /// How many readings were predicted: frames × texels × channels.
     pub readings: usize,
     /// Mean square of the residuals, each counted as 5 at most.
     pub reduced_chi2: f64,
-    /// What a right fit leaves: 1 and its parameters' own errors.
+    /// The value that a right fit gives: 1 for the noise, plus the effect of the errors of its parameters.
     pub expected: f64,
     /// Standard error of `reduced_chi2`, from the scatter over the texels.
     pub stderr: f64,
@@ -86,15 +86,15 @@ pub struct HeldOut {
     pub share_beyond_3: f64,
     /// Mean residual, measured less predicted.
     pub bias: f64,
-    /// `reduced_chi2` and what is expected of it a frame, in the order of `frames`, and the frame where it is largest.
+    /// `reduced_chi2` of each frame, in the order of `frames`.
     pub frame_chi2: Vec<f64>,
     /// What is expected of `reduced_chi2` in each frame.
     pub frame_expected: Vec<f64>,
     /// The frame that is predicted worst.
     pub worst_frame: usize,
-    /// Its `reduced_chi2`.
+    /// `reduced_chi2` of that frame.
     pub worst_frame_chi2: f64,
-    /// Largest residual and its texel (column, row).
+    /// Largest residual.
     pub worst: f64,
     /// The texel of the largest residual: column, row.
     pub worst_at: [usize; 2],
@@ -107,16 +107,15 @@ impl HeldOut {
     }
 }
 
-/// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its
-/// expectation by the factor
-/// 1 + e². Two standard errors are chance.
+/// How far a model is off in units of the noise. An error of e times the noise multiplies the mean square by 1 + e²
+/// relative to its expectation. Two standard errors are attributed to chance.
 pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
     let excess = (reduced_chi2 - 2.0 * stderr) / expected - 1.0;
-    // A figure that is no number is no agreement.
+    // A figure that is not a number counts as no agreement.
     if excess.is_nan() { f64::INFINITY } else { excess.max(0.0).sqrt() }
 }
 
-/// What came through the light box against the slab of σa, σs and h + δ. `[front.light_box]` in `fit.toml`.
+/// Compares the light box's transmittances with the slab of σa, σs and h + δ. `[front.light_box]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LightBox {
     /// Standard deviation of a transmittance: √((relative · value)² + floor²), the floor a channel.
@@ -127,7 +126,7 @@ pub struct LightBox {
     pub readings: usize,
     /// Mean square of the residuals.
     pub reduced_chi2: f64,
-    /// Each texel's thickness was fitted to its three transmittances: two of three are left.
+    /// Each texel's thickness was fitted to its three transmittances, so two of three degrees of freedom are left.
     pub expected: f64,
     /// Standard error of `reduced_chi2`.
     pub stderr: f64,

@@ -1,6 +1,6 @@
-//! The record hash: the content hash of `fit.toml` itself, kept in its second line. As the record lists the content
-//! hash of every map, this one number stands for the whole folder, and a parameter that was changed by hand is noticed
-//! like a changed map.
+//! The record hash: the content hash of `fit.toml` itself, stored in its second line. The record lists the content hash
+//! of every map, so this one number stands for the whole folder, and a parameter changed by hand is noticed like a
+//! changed map.
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, hash};
@@ -8,7 +8,7 @@ use std::path::Path;
 
 const KEY: &str = "record_hash = ";
 
-/// Hash of the text without its record hash. Line ends do not count, because version control may change them.
+/// Hash of the text without its record hash. Line endings do not count, because version control may change them.
 fn of(text: &str) -> String {
     let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with(KEY)).collect();
     hash::bytes(lines.join("\n").as_bytes())
@@ -51,7 +51,7 @@ mod tests {
         FitRecord { schema: SCHEMA, kind: FitKind::Beam, name: "branches".into(), sections, ..FitRecord::default() }
     }
 
-    /// A fit without maps has no other hash than this one.
+    /// A fit without maps has only this hash.
     #[test]
     fn a_number_changed_by_hand_is_noticed_and_a_saved_edit_is_not() {
         let dir = tempfile::tempdir().unwrap();
@@ -59,7 +59,7 @@ mod tests {
         record().write(dir.path()).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         record().verify(dir.path()).unwrap();
-        // The hash is of the lines as BLAKE3 sees them, whoever computes it.
+        // The hash is that of the lines by BLAKE3, so any program can compute it.
         let without: String = text.lines().filter(|l| !l.starts_with(KEY)).collect::<Vec<_>>().join("\n");
         assert!(text.contains(&format!("record_hash = \"{}\"", blake3::hash(without.as_bytes()).to_hex())), "{text}");
         let said = |text: &str| {
@@ -74,7 +74,7 @@ mod tests {
         );
         let none = said(&without).unwrap();
         assert!(none.contains("holds no record_hash"), "{none}");
-        // An edit that goes through the program is accepted: it is written with a hash of its own.
+        // An edit made by the program is accepted, because it is written with a new hash.
         let mut edited = FitRecord::read(dir.path()).unwrap();
         edited.sections.get_mut("branch twig").unwrap().params.get_mut("load").unwrap().value[0] = 150.0;
         edited.write(dir.path()).unwrap();

@@ -1,14 +1,14 @@
 //! Real orthonormal spherical harmonics, without the Condon–Shortley phase: index l(l+1)+m, cos mφ for m > 0, sin |m|φ
 //! for m < 0, z up.
 //!
-//! Y_lm = √2 K_l|m| P_l^|m|(cosθ) cos mφ (m > 0), K_l0 P_l (m = 0), √2 K_l|m| P_l^|m| sin |m|φ (m < 0), K² =
-//! (2l+1)/(4π) (l−|m|)!/(l+|m|)!, P_l^m without (−1)^m. Values come from recurrences of the *normalised* functions in l
-//! at fixed m (Holmes and Featherstone 2002, Eq. 11), which neither overflow nor lose digits; sin^m θ cos mφ are the
-//! real parts of (x + iy)^m, so no angle is ever taken.
+//! Y_lm = √2 K_l|m| P_l^|m|(cosθ) cos mφ (m > 0), K_l0 P_l (m = 0), √2 K_l|m| P_l^|m| sin |m|φ (m < 0), where K² =
+//! (2l+1)/(4π) (l−|m|)!/(l+|m|)! and P_l^m has no factor (−1)^m. Values come from recurrences of the *normalised*
+//! functions in l at fixed m (Holmes and Featherstone 2002, Eq. 11), which neither overflow nor lose digits. The sin^m
+//! θ cos mφ are the real parts of (x + iy)^m, so no angle is ever computed.
 
 use std::f64::consts::PI;
 
-/// Most bands that this program works with.
+/// Largest number of bands that this program works with.
 pub const MOST_BANDS: usize = 64;
 
 /// Coefficients of a function on the sphere, three channels: N² triples at index l(l+1)+m.
@@ -24,7 +24,7 @@ impl Coefficients {
         Coefficients { bands, values: vec![[0.0; 3]; bands * bands] }
     }
 
-    /// From N² triples; `None` where their number is no square.
+    /// From N² triples; `None` where their number is not a square.
     pub(crate) fn from_values(values: Vec<[f64; 3]>) -> Option<Self> {
         let bands = values.len().isqrt();
         (bands * bands == values.len() && bands > 0).then_some(Coefficients { bands, values })
@@ -38,7 +38,7 @@ impl Coefficients {
     pub fn values(&self) -> &[[f64; 3]] {
         &self.values
     }
-    /// The same, to be changed.
+    /// The same, for changing them.
     pub fn values_mut(&mut self) -> &mut [[f64; 3]] {
         &mut self.values
     }
@@ -54,7 +54,7 @@ impl Coefficients {
         Coefficients { bands, values }
     }
 
-    /// Root of the sum of squared differences, a channel each. Bands that one side lacks count in full.
+    /// Root of the sum of squared differences, a channel each. Bands that one of the two lacks count as zero.
     pub fn distance(&self, other: &Self) -> [f64; 3] {
         let (a, b) = (&self.values, &other.values);
         let at = |v: &[[f64; 3]], k: usize, c: usize| v.get(k).map_or(0.0, |x| x[c]);
@@ -74,7 +74,7 @@ pub fn index(l: usize, m: isize) -> usize {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
     bands: usize,
-    /// For each m: the value of Y_mm without (x + iy)^m, then pairs (α, β) for l = m+1 …: Y_l = α (z Y_{l−1} − β
+    /// For each m: the value of Y_mm without (x + iy)^m, then pairs (α, β) for l = m+1 …, with Y_l = α (z Y_{l−1} − β
     /// Y_{l−2}).
     orders: Vec<Order>,
 }
@@ -86,7 +86,7 @@ struct Order {
 }
 
 impl Basis {
-    /// `bands` from 1 on.
+    /// `bands` is at least 1.
     pub fn new(bands: usize) -> Self {
         let mut first = (1.0 / (4.0 * PI)).sqrt();
         let orders = (0..bands)
@@ -123,8 +123,8 @@ impl Basis {
         }
     }
 
-    /// The values for m ≥ 0 alone, in the order l(l+1)/2 + m: all that a function even in azimuth has. `out` has
-    /// N(N+1)/2 places.
+    /// The values for m ≥ 0 only, in the order l(l+1)/2 + m: a function that is even in azimuth needs no others. `out`
+    /// has N(N+1)/2 places.
     pub(crate) fn fill_even(&self, d: [f64; 3], out: &mut [f64]) {
         let (mut cos, mut sin) = (1.0, 0.0);
         for (m, order) in self.orders.iter().enumerate() {
@@ -144,7 +144,7 @@ impl Basis {
         }
     }
 
-    /// Σ c_lm Y_lm(d). `c` may have more or fewer bands than the basis; those of both count.
+    /// Σ c_lm Y_lm(d). `c` may have more or fewer bands than the basis; the bands that both have are used.
     pub fn sum(&self, c: &Coefficients, d: [f64; 3]) -> [f64; 3] {
         let mut out = [0.0; 3];
         let bands = self.bands.min(c.bands());

@@ -1,9 +1,9 @@
 //! The sky of Hosek and Wilkie 2012 ("An analytic model for full spectral sky-dome radiance"), with ground albedo,
 //! through the crate `hw-skymodel` (a port of the authors' RGB data; single precision, so about six digits).
 //!
-//! Unit: the data are W/(m² sr) integrated over the colour matching functions; 683 lm/W makes them kcd/m² here. Limits:
-//! turbidity 1 to 10, albedo 0 to 1. Towards the horizon radiance goes like √cosθ, so that its quadrature converges
-//! more slowly than Preetham's.
+//! Unit: the data are W/(m² sr) integrated over the colour matching functions; 683 lm/W converts them to kcd/m² here.
+//! Limits: turbidity 1 to 10, albedo 0 to 1. Towards the horizon radiance behaves like √cosθ, so quadrature converges
+//! more slowly than for Preetham's sky.
 
 use super::{Model, Refused, Sky, check, colour};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
@@ -62,7 +62,7 @@ impl Model for HosekWilkie {
             return Err(Refused(format!("albedo is {a}; expected 0 to 1")));
         }
         let params = SkyParams {
-            // single precision may round π/2 − θs to just above π/2
+            // Single precision may round π/2 − θs to just above π/2.
             elevation: ((FRAC_PI_2 - sun_zenith) as f32).clamp(0.0, std::f32::consts::FRAC_PI_2),
             turbidity: turbidity as f32,
             albedo: self.albedo.map(|a| a as f32),
@@ -76,8 +76,8 @@ impl Model for HosekWilkie {
 mod tests {
     use super::*;
 
-    /// Illuminance on level ground under a clear sky is measured to be .8 + 15.5 √(sine of the sun's elevation) klx
-    /// (IES Handbook, daylighting): a wrong unit would be far off.
+    /// Measured illuminance on level ground under a clear sky is .8 + 15.5 √(sine of the sun's elevation) klx (IES
+    /// Handbook, daylighting). A wrong unit would be far off.
     #[test]
     fn the_unit_is_klx_on_the_ground() {
         for s in [0.5, 0.9, 1.2f64] {

@@ -1,5 +1,5 @@
-//! What a surface gets from a sky given as harmonics: irradiance on a normal (Ramamoorthi and Hanrahan 2001), and light
-//! from the ground.
+//! What a surface receives from a sky given as harmonics: irradiance on a normal (Ramamoorthi and Hanrahan 2001), and
+//! light from the ground.
 //!
 //! Radiance in kcd/m² gives illuminance in klx.
 
@@ -33,14 +33,14 @@ pub fn convolved(c: &Coefficients) -> Coefficients {
     out
 }
 
-/// Irradiance on a surface with unit normal `n`, π times the radiance of an even sky all around. Negative sums
-/// (ringing) are kept. For many normals keep [`convolved`] and a [`Basis`].
+/// Irradiance on a surface with unit normal `n`; under an even sky all around it is π times the radiance. Negative sums
+/// (from ringing) are kept. For many normals, keep [`convolved`] and a [`Basis`].
 pub fn irradiance(c: &Coefficients, n: [f64; 3]) -> [f64; 3] {
     Basis::new(c.bands().max(1)).sum(&convolved(c), n)
 }
 
 /// Irradiance of the *whole* upper hemisphere on level ground. For unfiltered coefficients of a function that is zero
-/// below the horizon it is exact, whatever the number of bands from 2 on: cosθ is Y_10 but for a factor.
+/// below the horizon, it is exact with any number of bands from 2 on, because cosθ is Y_10 times a constant.
 pub fn on_level_ground(c: &Coefficients) -> [f64; 3] {
     c.get(1, 0).map(|v| v * (4.0 * PI / 3.0).sqrt())
 }
@@ -56,9 +56,9 @@ pub fn below_horizon(l: usize) -> f64 {
     2.0 * PI * ((2 * l + 1) as f64 / (4.0 * PI)).sqrt() * integral
 }
 
-/// Adds a level, matte ground to a sky: below the horizon the radiance is `albedo` (one a channel, 0 to 1) × irradiance
-/// on the ground/π, the irradiance being the sky's ([`on_level_ground`]) and `extra` (the sun's, in klx). Call it
-/// before any window.
+/// Adds level, matte ground to a sky: below the horizon the radiance is `albedo` (a channel each, 0 to 1) × the
+/// irradiance on the ground/π. The irradiance is that of the sky ([`on_level_ground`]) plus `extra` (the sun's, in
+/// klx). Call it before any window.
 pub fn add_ground(c: &Coefficients, albedo: [f64; 3], extra: [f64; 3]) -> Coefficients {
     let sky = on_level_ground(c);
     let ground: [f64; 3] = std::array::from_fn(|k| albedo[k] * (sky[k] + extra[k]) / PI);
@@ -77,10 +77,10 @@ mod tests {
     use crate::quadrature::gauss;
     use crate::{Preetham, Sky};
 
-    /// ∫ L(d) max(0, n·d) over a product rule, of anything.
+    /// ∫ L(d) max(0, n·d) over a product rule, for any function L.
     fn numeric(n: [f64; 3], radiance: impl Fn([f64; 3]) -> [f64; 3], nodes: usize) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        // the pole of the rule is the normal, so that max(0, ·) ends at a node's edge
+        // The rule's pole is the normal, so that the edge of max(0, ·) lies between nodes.
         let up = if n[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
         let cross = |a: [f64; 3], b: [f64; 3]| {
             [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -132,7 +132,8 @@ mod tests {
         }
     }
 
-    /// Against the sky itself: level ground exactly, tilted surfaces to what seven bands leave (under 2 %).
+    /// Compares with the sky itself: exactly on level ground, and to the error of seven bands (under 2 %) on tilted
+    /// surfaces.
     #[test]
     fn irradiance_of_the_true_sky() {
         let sky = Preetham.at(0.7, 2.5).unwrap();
@@ -158,13 +159,13 @@ mod tests {
         let lit = add_ground(&c, [0.2, 0.3, 0.4], [0.0, 1.0, 0.0]);
         let sky = on_level_ground(&c);
         let want = [0.2 * sky[0], 0.3 * (sky[1] + 1.0), 0.4 * sky[2]];
-        // the sky's own share on a surface that faces down is what its bands ring to; subtract it to see the ground's
-        // alone
+        // On a surface that faces down, the sky's own share is the ringing of its bands; it is subtracted to see that
+        // of the ground.
         let (got, ring) = (irradiance(&lit, [0.0, 0.0, -1.0]), irradiance(&c, [0.0, 0.0, -1.0]));
         for k in 0..3 {
             assert!(((got[k] - ring[k]) / want[k] - 1.0).abs() < 2e-3, "{k}: {got:?} {ring:?} {want:?}");
         }
-        // sky and ground of the same radiance make an even sphere
+        // Sky and ground of the same radiance together are an even sphere.
         let mut half = Coefficients::zero(6);
         for l in 0..6usize {
             let sign = if l % 2 == 0 { 1.0 } else { -1.0 };

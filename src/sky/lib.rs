@@ -41,24 +41,24 @@ pub use preetham::Preetham;
 
 use std::f64::consts::FRAC_PI_2;
 
-/// Why there is no such sky: a sentence that names the parameter, what it is and what was expected.
+/// Why there is no such sky: a sentence that names the parameter, its value and what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Refused(pub String);
 
-/// One sky: its parameters are settled, only the direction is open.
+/// One sky: its parameters are fixed, only the direction is free.
 pub trait Sky: Sync {
     /// Angle of the sun from the zenith, 0 … π/2.
     fn sun_zenith(&self) -> f64;
 
     /// XYZ radiance (kcd/m²) from the unit direction `d`, z > 0. On and below the horizon it is the model's limit from
-    /// above.
+    /// above the horizon.
     fn xyz(&self, d: [f64; 3]) -> [f64; 3] {
         self.xyz_near_sun(d, angle_to_sun(self.sun_zenith(), d))
     }
 
-    /// As [`Sky::xyz`] where the angle γ between `d` and the sun is already known; skies that do not depend on γ ignore
-    /// it.
+    /// As [`Sky::xyz`], where the angle γ between `d` and the sun is already known. Skies that do not depend on γ
+    /// ignore it.
     fn xyz_near_sun(&self, d: [f64; 3], gamma: f64) -> [f64; 3];
 
     /// Linear sRGB radiance (kcd/m², not clamped) from the unit direction `d`.
@@ -67,7 +67,7 @@ pub trait Sky: Sync {
     }
 }
 
-/// A family of skies over the sun's zenith angle and turbidity: to a fit, a black box.
+/// A family of skies over the sun's zenith angle and turbidity. Fits treat it as a black box.
 pub trait Model: Send + Sync {
     /// Name in files and on the command line.
     fn name(&self) -> &'static str;
@@ -75,7 +75,7 @@ pub trait Model: Send + Sync {
     /// Turbidities that the model accepts.
     fn turbidities(&self) -> [f64; 2];
 
-    /// Turbidities for which its authors vouch; [`Model::warning`] speaks outside.
+    /// Turbidities for which the model's authors vouch; [`Model::warning`] warns outside of them.
     fn trusted(&self) -> [f64; 2];
 
     /// The sky with these parameters.
@@ -85,7 +85,7 @@ pub trait Model: Send + Sync {
     /// finite.
     fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused>;
 
-    /// What a user should know of an accepted turbidity.
+    /// A warning about an accepted turbidity, if there is one.
     fn warning(&self, turbidity: f64) -> Option<String> {
         let [low, high] = self.trusted();
         let outside = !(low..=high).contains(&turbidity);
@@ -95,11 +95,11 @@ pub trait Model: Send + Sync {
     }
 }
 
-/// A sun this little below the horizon (rad; two arc seconds) counts as standing on it, so that π/2 may be written with
-/// five digits.
+/// A sun that is at most this far below the horizon (rad; two arc seconds) counts as being on it, so that π/2 may be
+/// written with five digits.
 pub(crate) const HORIZON_ROUNDING: f64 = 1e-5;
 
-/// What every model asks of its two parameters; gives the sun's zenith angle, at most π/2.
+/// Checks the two parameters that every model has. Returns the sun's zenith angle, at most π/2.
 ///
 /// # Errors
 /// As [`Model::sky`].
@@ -121,8 +121,8 @@ pub fn sun_direction(sun_zenith: f64) -> [f64; 3] {
     [sun_zenith.sin(), 0.0, sun_zenith.cos()]
 }
 
-/// Angle between the unit direction `d` and the sun, to full precision at both ends (an arc cosine of the dot product
-/// has half the digits).
+/// Angle between the unit direction `d` and the sun, precise for small and large angles (an arc cosine of the dot
+/// product would have half the digits).
 pub fn angle_to_sun(sun_zenith: f64, d: [f64; 3]) -> f64 {
     let [sx, _, sz] = sun_direction(sun_zenith);
     let cross = [-sz * d[1], sz * d[0] - sx * d[2], sx * d[1]];

@@ -1,14 +1,15 @@
 //! The daylight sky of Preetham, Shirley and Smits 1999 ("A practical analytic model for daylight"), with the paper's
 //! own four-decimal numbers; no smoothing at the horizon, no clamp.
 //!
-//! Luminance Y and chromaticities x, y are each v(θ, γ) = v_z F(θ, γ)/F(0, θs), F = (1 + A e^(B/cosθ))(1 + C e^(Dγ) + E
-//! cos²γ) (Perez 1993), A … E linear in turbidity τ. Unit: kcd/m². Limits: the luminance factor 1 + A e^B has a zero at
-//! τ = 1.643, below which the horizon is negative, so τ is accepted from 1.7 to 10; the paper fitted 2 to 6, and below
-//! 2.5 the horizon is too bright (Zotti et al. 2007).
+//! Luminance Y and chromaticities x, y are each v(θ, γ) = v_z F(θ, γ)/F(0, θs) with F = (1 + A e^(B/cosθ))(1 + C e^(Dγ)
+//! + E cos²γ) (Perez 1993), where A … E are linear in the turbidity τ, θ is the angle from the zenith, γ that from the
+//! sun, θs the sun's zenith angle and v_z the value at the zenith. Unit: kcd/m². Limits: the luminance factor 1 + A e^B
+//! is zero at τ = 1.643, and below that the horizon is negative, so τ is accepted from 1.7 to 10. The paper fitted 2 to
+//! 6, and below 2.5 the horizon is too bright (Zotti et al. 2007).
 
 use super::{Model, Refused, Sky, check};
 
-/// The model; it has no parameter beside sun and turbidity.
+/// The model; it has no parameters besides sun and turbidity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Preetham;
 
@@ -30,7 +31,7 @@ pub const ZENITH_X: [[f64; 4]; 3] =
 pub const ZENITH_Y: [[f64; 4]; 3] =
     [[0.00275, -0.00610, 0.00317, 0.0], [-0.04214, 0.08970, -0.04153, 0.00516], [0.15346, -0.26756, 0.06670, 0.26688]];
 
-/// Everything that depends on turbidity alone.
+/// Everything that depends on the turbidity alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turbid {
     /// Turbidity: 1 is pure air, 6 is hazy.
@@ -58,8 +59,8 @@ impl Turbid {
         self.perez
     }
 
-    /// 1 + A e^(B/cosθ) for Y, x, y: what depends on the view's zenith angle alone. `mu` is cosθ; 0 and below count as
-    /// the limit at the horizon.
+    /// 1 + A e^(B/cosθ) for Y, x, y, which depends only on the view's zenith angle. `mu` is cosθ; 0 and below give the
+    /// limit at the horizon.
     #[inline]
     pub fn horizon(&self, mu: f64) -> [f64; 3] {
         let inverse = if mu > 0.0 { 1.0 / mu } else { f64::INFINITY };
@@ -67,7 +68,7 @@ impl Turbid {
         self.perez.map(|p| 1.0 + p[0] * (p[1] * inverse).exp())
     }
 
-    /// 1 + C e^(Dγ) + E cos²γ for Y, x, y: what depends on the angle to the sun alone.
+    /// 1 + C e^(Dγ) + E cos²γ for Y, x, y, which depends only on the angle to the sun.
     #[inline]
     pub fn glow(&self, gamma: f64) -> [f64; 3] {
         let cos = gamma.cos();
@@ -84,7 +85,7 @@ impl Turbid {
         [luminance, x, y]
     }
 
-    /// v_z / F(0, θs) for Y, x, y: what depends on the sun's height and turbidity but on no direction.
+    /// v_z / F(0, θs) for Y, x, y, which depends on the sun's height and the turbidity but not on the direction.
     #[inline]
     pub fn scale(&self, sun_zenith: f64) -> [f64; 3] {
         let (zenith, glow) = (self.zenith(sun_zenith), self.glow(sun_zenith));

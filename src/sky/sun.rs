@@ -23,7 +23,8 @@ const ABSORPTION: [f64; 34] = [
     0.004, 0.0,
 ];
 
-/// Air passed relative to that overhead (Kasten 1966, as in appendix A.1); `sun_zenith` from 0 to π/2.
+/// Air mass on the way of the light, relative to that overhead (Kasten 1966, as in appendix A.1); `sun_zenith` from 0
+/// to π/2.
 pub(crate) fn air_mass(sun_zenith: f64) -> f64 {
     let z = sun_zenith.clamp(0.0, std::f64::consts::FRAC_PI_2);
     1.0 / (z.cos() + 0.15 * (93.885 - z.to_degrees()).powf(-1.253))

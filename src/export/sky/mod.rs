@@ -1,5 +1,5 @@
-//! A fitted sky as text that other programs compile or read: WGSL, a C header, JSON. Either the polynomials with their
-//! evaluator, or the N²×3 numbers of one sun and turbidity.
+//! A fitted sky as text that other programs compile or read: WGSL, a C header, JSON. It is either the polynomials with
+//! their evaluator, or the N²×3 numbers for one sun and turbidity.
 
 mod c;
 mod json;
@@ -16,17 +16,17 @@ use mesophyll_sky::{Coefficients, preetham};
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// What is asked of a sky beside its format.
+/// The options of a sky's export, besides its format.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SkyOptions {
-    /// Sun zenith angle (rad) and turbidity: numbers for these alone, no polynomial.
+    /// Sun zenith angle (rad) and turbidity. If given, only the numbers for these are written, without polynomials.
     pub fixed: Option<(f64, f64)>,
     /// Albedo of level ground that lights the lower hemisphere, 0 to 1; 0 leaves it dark.
     pub ground: f64,
 }
 
 impl SkyOptions {
-    /// Whether nothing was asked.
+    /// Whether no option was given.
     pub fn is_plain(&self) -> bool {
         *self == SkyOptions::default()
     }
@@ -44,7 +44,7 @@ struct Group {
 struct Evaluator {
     bands: usize,
     turbidities: [f64; 2],
-    /// Terms a function.
+    /// Number of terms of a function.
     terms: usize,
     kind: Kind,
     /// Functions of even m, then those of odd m; one group of all for tensor products.
@@ -96,7 +96,7 @@ impl Evaluator {
         }
     }
 
-    /// For each of the N² coefficients the function that gives it, counted through all groups; −1 where m < 0.
+    /// For each of the N² coefficients, the function that gives it, numbered through all groups; −1 where m < 0.
     fn functions(&self) -> Vec<i32> {
         let mut out = vec![-1; self.bands * self.bands];
         for (k, place) in self.groups.iter().flat_map(|g| &g.places).enumerate() {
@@ -105,7 +105,7 @@ impl Evaluator {
         out
     }
 
-    /// Functions of the first group.
+    /// Number of functions of the first group.
     fn first(&self) -> usize {
         self.groups[0].places.len()
     }
@@ -120,7 +120,7 @@ impl Evaluator {
         (0.5 * (b / a).ln(), (a * b).sqrt())
     }
 
-    /// Shares of the ground's radiance that the zonal coefficients take for an irradiance coefficient c_10 of 1.
+    /// Shares of the ground's radiance in the zonal coefficients, for an irradiance coefficient c_10 of 1.
     fn ground_shares(&self) -> Vec<f64> {
         (0..self.bands).map(|l| below_horizon(l) * (4.0 * PI / 3.0).sqrt() / PI).collect()
     }
@@ -159,7 +159,7 @@ pub fn text(folder: &Path, format: Format, options: &SkyOptions) -> Result<Strin
     }
 }
 
-/// In f64 from the arrays as stored.
+/// The coefficients in f64, from the arrays as stored.
 fn coefficients(
     form: &Form<f32>,
     sun: f64,
@@ -171,7 +171,7 @@ fn coefficients(
     }
 }
 
-/// Lines for the head of a text: what the numbers are, where they hold, how wrong they may be.
+/// Lines for the head of a text: what the numbers are, where they are valid, and their largest error.
 fn about(record: &FitRecord, form: &Form<f32>, options: &SkyOptions) -> Vec<String> {
     let figure = |name: &str| record.sections.get("all").and_then(|s| s.figures.get(name)).copied().unwrap_or(f64::NAN);
     let mut lines = vec![
@@ -217,7 +217,7 @@ fn about(record: &FitRecord, form: &Form<f32>, options: &SkyOptions) -> Vec<Stri
     lines
 }
 
-/// Numbers in lines of `each`, with `suffix` on every one; they read back exactly.
+/// Numbers in lines of `each`, each followed by `suffix`. Reading them gives exactly the same numbers.
 fn listed(values: impl Iterator<Item = f32>, each: usize, suffix: &str) -> String {
     let all: Vec<String> = values.map(|v| format!("{v:e}{suffix}")).collect();
     all.chunks(each).map(|row| format!("    {},\n", row.join(", "))).collect()

@@ -1,4 +1,4 @@
-//! What a folder holds of what verbs make, told by its files.
+//! What a folder holds of the things that verbs make; it is recognised by its files.
 
 use super::{Kind, MARK, ending};
 use serde_json::Value;
@@ -39,12 +39,12 @@ pub(super) fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     out
 }
 
-/// The kind that the marker names, in words.
+/// The kind that the marker states, in words.
 pub(super) fn marked(folder: &Path) -> Option<String> {
     fs::read_to_string(folder.join(MARK)).ok().map(|text| text.trim().to_string())
 }
 
-/// The files by which a folder of this kind is known, as far as they are there and are what they are called.
+/// The files by which a folder of this kind is recognised, as far as they exist and have the right content.
 pub(super) fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
     let known: &[(&str, &str)] = match kind {
         Kind::Scene => &[("plan.json", "needed"), ("check.json", "views"), ("ledger.json", "stages")],
@@ -67,7 +67,7 @@ pub(super) fn is_capture(folder: &Path) -> bool {
     folder.join("capture.toml").is_file()
 }
 
-/// What the `fit.toml` of a folder says; a file of that name that cannot be read is somebody's all the same.
+/// What a folder's `fit.toml` states. A file of that name that cannot be read still belongs to somebody.
 pub(super) struct FitThere {
     pub kind: Option<String>,
     pub files: Vec<String>,

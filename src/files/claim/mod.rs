@@ -1,8 +1,8 @@
 //! Output folders and output files are claimed here before anything is computed. A claim is refused where the verb
-//! would overwrite its own input, what another kind of verb made, or files that this program did not make.
+//! would overwrite its own input, the result of another kind of verb, or files that this program did not make.
 //!
-//! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the
-//! hidden file [`MARK`] names the kind. The parts of a fit that was stopped lie in a folder whose name says the kind.
+//! What a folder holds is recognised by the file that its maker writes last ([`Kind`]). Until that file is written, the
+//! hidden file [`MARK`] names the kind. The parts of a stopped fit are in a folder whose name states the kind.
 
 mod held;
 
@@ -68,11 +68,11 @@ impl Kind<'_> {
     }
 }
 
-/// The hidden file that names the kind of a folder while nothing else does.
+/// The hidden file that names the kind of a folder as long as nothing else does.
 pub const MARK: &str = ".mesophyll";
 
-/// Files and folders at the top of a capture, as `synth` writes them; `capture.toml` comes first, so that nothing half
-/// removed is a capture.
+/// Files and folders at the top of a capture, as `synth` writes them. `capture.toml` comes first, so that a
+/// half-removed capture no longer counts as one.
 const CAPTURE_NAMES: [&str; 12] = [
     "capture.toml",
     "mask.exr",
@@ -88,15 +88,15 @@ const CAPTURE_NAMES: [&str; 12] = [
     "truth",
 ];
 
-/// Endings of the files that some verb writes. `-o` replaces a file of such an ending only where the verb itself writes
-/// that ending.
+/// Endings of the files that verbs write. `-o` replaces a file with one of these endings only where the verb itself
+/// writes that ending.
 const ENDINGS: [&str; 14] =
     ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4"];
 
-/// Claims `folder` for what a verb makes of `inputs`: makes it if needed and proves that it can be written.
+/// Claims `folder` for what a verb makes of `inputs`: creates it if needed, and checks that it can be written.
 ///
 /// # Errors
-/// [`Error::Usage`] (exit code 2) that names the folder and what it holds. Nothing was changed then.
+/// [`Error::Usage`] (exit code 2) that names the folder and what it holds. Then nothing was changed.
 pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     let refuse = |what: &str| {
         let (folder, kind) = (folder.display(), kind.words());
@@ -129,9 +129,9 @@ pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     atomic::probe_folder(folder)
 }
 
-/// Claims `folder` for a synthetic capture. With `replace` a synthetic capture may be there, but not a measured one
-/// (without `truth/`) and not files that are not a capture's. What a stopped synthesis left may always be there.
-/// Nothing is removed yet: see [`capturing`].
+/// Claims `folder` for a synthetic capture. With `replace`, a synthetic capture may be there, but not a measured one
+/// (without `truth/`) and no files that do not belong to a capture. The rest of a stopped synthesis may always be
+/// there. Nothing is removed yet: see [`capturing`].
 ///
 /// # Errors
 /// As [`folder`]; a folder that is not empty, without `replace`.
@@ -161,7 +161,7 @@ pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
 }
 
 /// Runs a synthesis into a folder that [`capture`] has claimed, after removing the capture that it replaces. A
-/// synthesis that does not come to its end leaves nothing behind.
+/// synthesis that does not finish leaves nothing behind.
 ///
 /// # Errors
 /// Those of `body`.
@@ -171,8 +171,8 @@ pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T
     }
     begin(folder, Kind::Capture)?;
     let made = body();
-    // The reason why the synthesis failed matters more than a rest that cannot be removed; the marker then stays and
-    // tells of it.
+    // The reason why the synthesis failed matters more than a rest that cannot be removed. In that case the marker
+    // stays and shows it.
     let _ = if made.is_ok() { finish(folder) } else { remove_capture(folder) };
     made
 }
@@ -202,7 +202,7 @@ pub fn remove_capture(folder: &Path) -> Result<()> {
     finish(folder)
 }
 
-/// Removes the EXR and PNG files under a folder, and what folders are empty then. Links are left alone.
+/// Removes the EXR and PNG files under a folder, and the folders that are empty afterwards. Links are left alone.
 fn remove_pictures(folder: &Path) -> std::io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
@@ -216,7 +216,7 @@ fn remove_pictures(folder: &Path) -> std::io::Result<()> {
     if fs::read_dir(folder)?.next().is_none() { fs::remove_dir(folder) } else { Ok(()) }
 }
 
-/// Marks `folder` with its kind, and removes the `fit.toml` of an earlier fit: what is there from here on is no whole
+/// Marks `folder` with its kind, and removes the `fit.toml` of an earlier fit: from now on the folder holds no complete
 /// fit.
 ///
 /// # Errors
@@ -229,7 +229,7 @@ pub fn begin(folder: &Path, kind: Kind) -> Result<()> {
     Ok(())
 }
 
-/// Takes the marker away: the file that tells the kind is written.
+/// Removes the marker: the file that shows the kind has been written.
 ///
 /// # Errors
 /// [`Error::Write`] where the marker cannot be removed.
@@ -275,7 +275,8 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
     }
 }
 
-/// What of `home` the file `name` is part of, whether it is there or not (a fit's record), or because it is there.
+/// What the file `name` belongs to in the folder `home`: either because it always would (a fit's record), or because it
+/// exists there.
 fn part_of(home: &Path, name: &str) -> Option<String> {
     let there = home.join(name).is_file();
     if let Some(fit) = fit_there(home) {
@@ -304,8 +305,8 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|e| e.to_string_lossy().to_lowercase())
 }
 
-/// Whether two names are one file: the same place, or hard links of each other. Standard input is a file where the
-/// shell redirects one.
+/// Whether two names are one file: the same place, or hard links to it. Standard input is a file where the shell
+/// redirects one.
 fn same_file(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -319,7 +320,8 @@ fn same_file(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// The place of a path that need not be there: links are followed as far as it is there, `.` and `..` are taken out.
+/// The absolute place of a path, which need not exist. Links are followed as far as the path exists; `.` and `..` are
+/// resolved.
 pub fn resolved(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
     let path = atomic::through_links(&path);

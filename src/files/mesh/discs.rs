@@ -1,12 +1,12 @@
-//! Discs from a plain list of numbers, as canopies of remote sensing come.
+//! Discs from a plain list of numbers, the form of canopies in remote sensing.
 
 use super::{LeafMesh, Unit};
 use crate::{Error, Result, numbers};
 use glam::{DVec2, DVec3};
 use std::path::Path;
 
-/// Reads a list of discs, a line each: radius, centre x y z, normal x y z. The mesh has of each disc the equilateral
-/// triangle whose inscribed circle the disc is.
+/// Reads a list of discs, one a line: radius, centre x y z, normal x y z. In the mesh, each disc becomes the
+/// equilateral triangle whose inscribed circle is the disc.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file and the line or the disc: not seven numbers, a radius that is not positive, no
@@ -27,7 +27,7 @@ pub fn read_discs(path: &Path, unit: Unit) -> Result<LeafMesh> {
         let (a, b) = normal.any_orthonormal_pair();
         let centre = DVec3::new(x, y, z) * unit.mm();
         for corner in 0..3 {
-            // Twice the radius away: the circle that touches the sides has the radius itself.
+            // Corners are two radii away, so that the circle that touches the sides has the disc's radius.
             let (sin, cos) = (std::f64::consts::TAU * f64::from(corner) / 3.0).sin_cos();
             out.indices.push(out.positions.len() as u32);
             out.positions.push(centre + (a * cos + b * sin) * (2.0 * radius * unit.mm()));

@@ -1,12 +1,12 @@
 //! Meshes of leaves from glTF (`.glb`, or `.gltf` with buffers beside it): triangles with normals, tangents and texture
 //! coordinates.
 //!
-//! Lengths are in mm here. A file is in metres, as glTF says, unless its `asset.extras.unit` or the caller says
-//! otherwise; the transforms of all nodes of its scene are applied and all primitives joined. The frame is the file's
-//! own: x to the right, y up, z out of the front; texture (0, 0) is the top left of the front's maps. A primitive that
-//! repeats others wound the other way (the back of a leaf that `export --to gltf` wrote) is dropped: a leaf is one
-//! surface with two sides. Normals and tangents are computed where the file has none. Pictures, materials and animation
-//! in the file are not read.
+//! Lengths are in mm here. A file is in metres, as glTF states, unless its `asset.extras.unit` or the caller says
+//! otherwise. The transforms of all nodes of its scene are applied, and all primitives are joined. The frame is the
+//! file's own: x to the right, y up, z out of the front; texture (0, 0) is the top left of the front's maps. A
+//! primitive that repeats others with reversed winding (the back of a leaf that `export --to gltf` wrote) is dropped,
+//! because a leaf is one surface with two sides. Normals and tangents are computed where the file has none. Pictures,
+//! materials and animation in the file are not read.
 
 mod discs;
 mod read;
@@ -65,7 +65,7 @@ pub struct LeafMesh {
     pub positions: Vec<DVec3>,
     /// Unit, out of the front.
     pub normals: Vec<DVec3>,
-    /// Unit, along +u, and the handedness ±1: image up = w · normal × tangent.
+    /// Unit tangent along +u, and the handedness ±1: image up = w · normal × tangent.
     pub tangents: Vec<(DVec3, f64)>,
     /// Texture coordinates; (0, 0) is the top left corner of the maps.
     pub uvs: Vec<DVec2>,
@@ -84,7 +84,7 @@ impl LeafMesh {
         self.indices.len() / 3
     }
 
-    /// Adds another mesh as `frame` turns, moves and evenly scales it.
+    /// Adds another mesh after turning, moving and evenly scaling it by `frame`.
     pub fn append(&mut self, other: &LeafMesh, frame: DMat4) {
         let first = self.positions.len() as u32;
         let turned = |v: DVec3| frame.transform_vector3(v).normalize_or_zero();
@@ -121,7 +121,7 @@ impl LeafMesh {
     }
 }
 
-/// Area-weighted mean of the facets around each vertex.
+/// Area-weighted mean of the normals of the facets around each vertex.
 pub fn vertex_normals(mesh: &LeafMesh) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     for t in 0..mesh.triangles() {
@@ -147,7 +147,7 @@ pub fn vertex_tangents(mesh: &LeafMesh) -> Vec<(DVec3, f64)> {
         if det == 0.0 {
             continue;
         }
-        // Weighted by area in the texture's sign only: sign(det) keeps mirrored charts right.
+        // The area's weight has the texture's sign only: sign(det) keeps mirrored charts right.
         let (du, dv) = ((e1 * d2.y - e2 * d1.y) * det.signum(), (e2 * d1.x - e1 * d2.x) * det.signum());
         for k in [a, b, c] {
             along_u[k] += du;

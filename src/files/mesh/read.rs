@@ -7,8 +7,8 @@ use glam::{DMat4, DVec2, DVec3};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Reads a glTF file whose lengths are in `unit`; where none is given, in the file's own, which is the metre unless its
-/// `asset.extras.unit` says "mm", "cm" or "m".
+/// Reads a glTF file whose lengths are in `unit`. Where none is given, the file's own unit is used: the metre, unless
+/// its `asset.extras.unit` says "mm", "cm" or "m".
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a path outside its folder, no triangles, no texture coordinates.
@@ -61,11 +61,11 @@ fn joined(path: &Path, opened: &Opened, unit: Option<Unit>, maps: bool) -> Resul
     Ok(mesh)
 }
 
-/// What the primitives so far brought.
+/// What the primitives so far contained.
 struct Given {
     /// Whether the leaf has maps, which need texture coordinates.
     maps: bool,
-    /// All of them.
+    /// Whether all of them had normals.
     normals: bool,
     tangents: bool,
     /// Their triangles, as bits of the corners' places.
@@ -117,7 +117,7 @@ fn add_mesh(
             None => vec![DVec2::ZERO; positions.len()],
         };
         let n = positions.len();
-        // Normals turn with the inverse transpose; a mirrored node also flips the winding.
+        // Normals are transformed by the inverse transpose; a mirrored node also reverses the winding.
         let normal_matrix = world.inverse().transpose();
         let mirrored = world.determinant() < 0.0;
         let normals: Vec<DVec3> = match reader.read_normals() {
@@ -155,8 +155,8 @@ fn add_mesh(
         let placed: Vec<DVec3> = positions.iter().map(|p| world.transform_point3(*p)).collect();
         let order = |t: &[u32]| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
         let triangles: Vec<[u32; 3]> = indices.chunks_exact(3).map(order).collect();
-        // A triangle by its corners' places, from the least of them on: the same one wound the other way differs in the
-        // order of the rest.
+        // A triangle as its corners' positions, starting with the smallest. The same triangle with reversed winding
+        // differs in the order of the other two.
         let key = |corners: [DVec3; 3]| {
             let bits = corners.map(|p| p.to_array().map(f64::to_bits));
             let first = (0..3).min_by_key(|k| bits[*k]).unwrap_or(0);

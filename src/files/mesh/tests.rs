@@ -1,4 +1,4 @@
-//! Meshes as files: what is computed, what is refused, what damage ends in.
+//! Meshes as files: what is computed, what is refused, and how damaged files end.
 
 use super::*;
 use std::path::Path;
@@ -136,8 +136,8 @@ fn damage_is_a_sentence() {
     );
 }
 
-/// The dome once more as another program may write it: in metres, under nodes that move, turn and scale it, and its
-/// back beside it.
+/// The dome again as another program may write it: in metres, under nodes that move, turn and scale it, with its back
+/// beside it.
 #[test]
 fn lengths_are_metres_and_all_nodes_are_applied() {
     let dir = tempfile::tempdir().unwrap();
@@ -171,7 +171,7 @@ fn lengths_are_metres_and_all_nodes_are_applied() {
         near(*a, DVec3::new((20.0 - b.y) / 2.0, b.x / 2.0, b.z / 2.0));
         near(*n, DVec3::new(-m.y, m.x, m.z));
     }
-    // The file's own word, and the caller's.
+    // First the file's own statement, then the caller's.
     near(
         with(r#""nodes":[{"mesh":0}]"#, r#""asset":{"version":"2.0","extras":{"unit":"cm"}}"#).positions[0],
         10.0 * truth.positions[0],

@@ -1,4 +1,4 @@
-//! Tables in which several rows belong together: a leaf has a row a wavelength or a row a direction, and its answer is
+//! Tables in which several rows belong together: a leaf has one row for each wavelength or direction, and its answer is
 //! one row.
 
 use super::{Answer, Output, Plan, Record, Sink, Spec, Table, Tally, push_cells, push_text, whole};
@@ -19,7 +19,7 @@ pub struct GroupRow {
     pub line: usize,
 }
 
-/// Rows of one group, or why the group is refused: the first bad row, by its line.
+/// Rows of one group, or why the group is refused: its first bad row, named by its line.
 type Rows = std::result::Result<Vec<GroupRow>, String>;
 
 /// All rows of a table by the word in one of its columns, in order of first appearance.
@@ -30,7 +30,8 @@ pub struct Groups {
 }
 
 impl Groups {
-    /// Reads `table` by its column `by`. Columns are those that `spec` asks for; no others are carried through.
+    /// Groups the rows of `table` by its column `by`. Only the columns that `spec` asks for are read; no others are
+    /// carried through.
     ///
     /// # Errors
     /// A missing column, an unreadable input. A bad row is no error: it refuses its group.
@@ -75,8 +76,8 @@ impl Groups {
         self.groups.iter().filter_map(|(_, rows)| rows.as_ref().ok()).flatten()
     }
 
-    /// Answers each group by `f`, which sees its name and rows, and writes a row a group: the name, the outputs of
-    /// `spec`, and the status.
+    /// Answers each group by `f`, which gets the group's name and rows, and writes one row for each group: the name,
+    /// the outputs of `spec`, and the status.
     ///
     /// # Errors
     /// An unwritable output, and a stop.

@@ -1,4 +1,4 @@
-//! Rows as JSON: the lines of a CSV, turned into `{"rows": [{column: value, …}, …]}` as they come.
+//! Rows as JSON: the lines of a CSV are turned into `{"rows": [{column: value, …}, …]}` one after the other.
 
 use std::io::{self, Write};
 
@@ -38,7 +38,8 @@ impl Rows {
     }
 }
 
-/// A number stands as it is written; an empty cell, and a number without bound, is `null`; all else is text.
+/// A number is written as it is. An empty cell, and a number that is not finite, become `null`. Everything else is
+/// text.
 fn value(cell: &str) -> String {
     match cell {
         "" | "inf" | "-inf" | "NaN" => "null".into(),

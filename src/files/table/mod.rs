@@ -1,7 +1,7 @@
 //! CSV batches: columns by name in any order, extra columns carried through, a bad row named in its own row.
 //!
-//! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and
-//! written in input order, so ten million rows need no more memory than ten thousand.
+//! Every batch form of the command line uses [`run`]: rows are read in blocks, computed in parallel, and written in
+//! input order. So ten million rows need no more memory than ten thousand.
 
 mod groups;
 mod json;
@@ -69,17 +69,18 @@ impl Answer {
 /// What a batch reads and writes.
 #[derive(Debug, Clone, Default)]
 pub struct Spec {
-    /// Numeric columns that must be there, in the order [`Row::get`] counts them.
+    /// Numeric columns that must exist, in the order in which [`Row::get`] numbers them.
     pub required: Vec<String>,
-    /// Numeric columns that may be there; they count on after the required ones. An empty cell is NaN.
+    /// Numeric columns that may exist; their numbers follow those of the required ones. An empty cell is NaN.
     pub optional: Vec<String>,
-    /// Further columns that are not carried through (wide traces); the required ones are carried unless named here too.
+    /// Further columns that are not carried through (wide traces). The required ones are carried through unless they
+    /// are named here, too.
     pub dropped: Vec<String>,
     /// Output columns, before `status`.
     pub outputs: Vec<String>,
-    /// Output columns that are whole numbers and print as such (`3`, not `3.0`).
+    /// Output columns with whole numbers, which are printed as such (`3`, not `3.0`).
     pub whole: Vec<String>,
-    /// Columns of words that may be there, in the order [`Row::text`] counts them.
+    /// Columns of words that may exist, in the order in which [`Row::text`] numbers them.
     pub texts: Vec<String>,
 }
 
@@ -97,7 +98,7 @@ impl Row<'_> {
     pub fn get(&self, k: usize) -> f64 {
         self.values[k]
     }
-    /// All of them, in the order [`Row::get`] counts.
+    /// All values, in the order of [`Row::get`].
     pub fn all(&self) -> &[f64] {
         self.values
     }
@@ -105,13 +106,13 @@ impl Row<'_> {
     pub fn text(&self, k: usize) -> Option<&str> {
         self.texts[k]
     }
-    /// Which row it is, counted from 1.
+    /// Number of the row, counted from 1.
     pub fn number(&self) -> usize {
         self.number
     }
 }
 
-/// Streams `table` through `f` into `output`; `f` sees the numbers of one row and pushes one answer for each output
+/// Streams `table` through `f` into `output`. `f` gets the numbers of one row and pushes one answer for each output
 /// row.
 ///
 /// # Errors
@@ -130,7 +131,7 @@ where
     let mut done: Vec<(Vec<u8>, Tally)> = Vec::new();
     table.next_block(BLOCK, &mut block)?;
     while !(block.rows.is_empty() && done.is_empty()) {
-        // The rows before are written and those after are read while these are computed.
+        // While these rows are computed, the rows before are written and those after are read.
         let (computed, moved) = rayon::join(
             || plan.compute(&block, spec, &f),
             || {
@@ -226,7 +227,7 @@ mod tests {
         );
     }
 
-    /// What RFC 4180 says of quotes is kept; a quote that it does not allow spoils its own row.
+    /// Quotes are read by RFC 4180; a quote that it does not allow spoils only its own row.
     #[test]
     fn a_quote_that_is_not_closed_costs_its_own_row_and_no_other() {
         let rows =
@@ -236,13 +237,13 @@ mod tests {
             rows("note,x\na,1\n\"b,2\nc,3\nd,4\n"),
             ["a,1,1.0,ok", &format!("\"\"\"b,2\",,,{never}"), "c,3,3.0,ok", "d,4,4.0,ok"]
         );
-        // The quotes of a later row do not close it.
+        // Quotes of a later row do not close it.
         let wrong = "refused: the quote that opens on line 2 is closed in the middle of a cell";
         assert_eq!(
             rows("note,x\r\n\"b,2\r\n\"c\",3\r\n\r\nd,4"),
             [&format!("\"\"\"b,2\",,,{wrong}"), "c,3,3.0,ok", "d,4,4.0,ok"]
         );
-        // Neither do a thousand rows without one.
+        // Neither do a thousand rows without a quote.
         let long: &'static str = format!("note,x\n\"b,2\n{}", "c,3\n".repeat(1000)).leak();
         assert_eq!(rows(long).iter().filter(|r| *r == "c,3,3.0,ok").count(), 1000);
         // The last row, without an end.

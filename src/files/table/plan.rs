@@ -1,4 +1,5 @@
-//! How a table's rows become lines of answers: which columns are read, which are handed on, and how cells are written.
+//! How a table's rows become lines of answers: which columns are read, which are carried through, and how cells are
+//! written.
 
 use super::rows::{At, Block};
 use super::source::Splitter;
@@ -8,7 +9,7 @@ use mesophyll_error::Status;
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// Column positions, settled once.
+/// Positions of columns, found once.
 pub(super) struct Plan {
     width: usize,
     numbers: Vec<(Option<usize>, String, bool)>,
@@ -56,7 +57,7 @@ impl Plan {
         line
     }
 
-    /// Answers all rows of a block, as lines in parts that follow one another.
+    /// Answers all rows of a block, as lines in consecutive parts.
     pub(super) fn compute<F: Fn(&Row, &mut Vec<Answer>) + Sync>(
         &self,
         block: &Block,
@@ -104,7 +105,7 @@ impl Plan {
         debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
     }
 
-    /// Numbers and words of a row, or what is wrong with it.
+    /// Numbers and words of a row, or what is wrong with the row.
     #[allow(clippy::type_complexity)]
     pub(super) fn parsed<'a>(
         &self,
@@ -126,7 +127,7 @@ impl Plan {
                 continue;
             }
             match text.parse::<f64>() {
-                // `nan` in an optional cell is what an empty one is: no reading.
+                // `nan` in an optional cell means the same as an empty cell: no reading.
                 Ok(v) if !v.is_nan() || !needed => values.push(v),
                 _ if text.is_empty() => return Err(format!("{name} is empty")),
                 _ => return Err(format!("{name} is {text:?}; expected a number")),
@@ -153,7 +154,7 @@ pub(super) fn whole(spec: &Spec) -> Vec<bool> {
     spec.outputs.iter().map(|name| spec.whole.contains(name)).collect()
 }
 
-/// Output cells and status of a row, and its end.
+/// Output cells and status of a row, and the end of its line.
 pub(super) fn push_cells(bytes: &mut Vec<u8>, answer: &Answer, whole: &[bool]) {
     for (k, whole) in whole.iter().enumerate() {
         match answer.values.get(k) {

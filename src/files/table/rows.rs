@@ -1,9 +1,9 @@
-//! The rows of a CSV as they stand in the file, and what is done about quotes that are opened and never closed.
+//! The rows of a CSV as they are in the file, and the treatment of quotes that are opened and never closed.
 //!
-//! A CSV reader takes everything from such a quote up to the next one for one cell, so that one stray quote swallows
-//! the rows after it. [`Rows`] finds where rows end: it passes well-formed text through as it is, and mends a row whose
-//! quote is not closed, so that the row stays one row and the rows after it are rows again. It does not look at cells,
-//! so that one thread finds the rows which all others split.
+//! A CSV reader takes everything from such a quote up to the next one for one cell, so one stray quote swallows the
+//! rows after it. [`Rows`] finds where rows end. It passes well-formed text through unchanged and mends a row whose
+//! quote is not closed, so that this row stays one row and the rows after it are rows again. It does not look at cells,
+//! so one thread can find the rows that all other threads split.
 
 use super::source::{Record, Splitter};
 use std::collections::VecDeque;
@@ -12,15 +12,15 @@ use std::io::{self, BufRead, BufReader, Read};
 /// A quoted cell may hold line breaks, but not more lines or bytes than these.
 const MOST_LINES: usize = 100;
 const MOST_BYTES: usize = 1 << 20;
-/// A line may not be longer than this (bytes): something else than a table is being read.
+/// A line may not be longer than this (bytes); a longer one is not part of a table.
 const LONGEST_LINE: usize = 1 << 26;
 
 /// Whole rows, each ending in a line feed.
 #[derive(Debug, Default)]
 pub struct Block {
-    /// The rows as they stand in the file, blank lines left out.
+    /// The rows as they are in the file, without blank lines.
     pub bytes: Vec<u8>,
-    /// Where each of them begins.
+    /// Where each row begins.
     pub rows: Vec<At>,
     /// Rows whose quotes make no sense: their place in `rows`, and why.
     faults: Vec<(usize, String)>,
@@ -43,7 +43,7 @@ impl Block {
         self.faults.clear();
     }
 
-    /// Why the quotes of the row at this place make no sense, if they do not.
+    /// Why the quotes of the row at this place make no sense, if so.
     pub fn fault(&self, place: usize) -> Option<&String> {
         self.faults.iter().find(|(row, _)| *row == place).map(|(_, why)| why)
     }
@@ -117,8 +117,8 @@ impl<R: Read> Rows<R> {
         }
     }
 
-    /// Makes a row of what was added to `block` from `start` on; false where it is blank. A reader of CSV takes a bare
-    /// carriage return outside quotes for the end of a row too.
+    /// Makes a row of what was added to `block` from `start` on; returns false where it is blank. Like a CSV reader, it
+    /// also takes a bare carriage return outside quotes for the end of a row.
     fn add(&mut self, block: &mut Block, start: usize) -> bool {
         let row = &block.bytes[start..];
         let end = row.len() - if row.ends_with(b"\r\n") { 2 } else { 1 };
@@ -177,7 +177,7 @@ impl<R: Read> Rows<R> {
             End::Whole => first.len(),
         };
         block.bytes.extend_from_slice(&first[..opened]);
-        // The rest of the line becomes one cell, as it stands there.
+        // The rest of the line becomes one cell, as it is.
         let rest = &first[opened..];
         let text = rest.trim_ascii_end();
         block.bytes.push(b'"');
@@ -238,7 +238,7 @@ mod tests {
     use proptest::prelude::*;
     use std::path::PathBuf;
 
-    /// The rows of a text, and whether a quote of it made no sense.
+    /// The rows of a text, and whether one of its quotes made no sense.
     fn ours(text: &str) -> (Vec<Vec<String>>, bool) {
         let mut table =
             Table::from_reader(Box::new(std::io::Cursor::new(text.to_string())), PathBuf::from("-")).unwrap();
@@ -258,7 +258,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// What is no broken quote is read as the `csv` crate reads it from the whole text.
+        /// Text without a broken quote is read as the `csv` crate reads it.
         #[test]
         fn rows_are_those_of_the_csv_crate(body in "[a1, \"\r\n]{0,60}") {
             let text = format!("x,y\n{body}");
@@ -268,7 +268,7 @@ mod tests {
             }
         }
 
-        /// Well-formed cells come back as they were written, quotes and line breaks in them too.
+        /// Well-formed cells are read back as they were written, even with quotes and line breaks.
         #[test]
         fn quoted_cells_come_back(cells in prop::collection::vec("[a1,\"\n]{1,9}", 1..12)) {
             let quoted = |c: &String| format!("\"{}\"", c.replace('"', "\"\""));

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub struct Output {
     /// A file, or `-` for standard output.
     pub path: PathBuf,
-    /// As JSON in place of CSV.
+    /// Whether rows are written as JSON instead of CSV.
     pub json: bool,
 }
 
@@ -23,7 +23,7 @@ impl Output {
     }
 }
 
-/// An opened [`Output`]: a file that appears whole, or standard output.
+/// An opened [`Output`]: a file that appears only when it is complete, or standard output.
 pub struct Sink {
     place: Place,
     path: PathBuf,
@@ -75,7 +75,7 @@ impl Sink {
         done.map_err(|e| self.failed(e))
     }
 
-    /// Flushes; a file gets its name.
+    /// Flushes the rows; a file gets its name.
     pub fn finish(mut self) -> Result<()> {
         let done = match &self.json {
             Some(rows) => rows.finish(&mut self.place),
@@ -96,7 +96,7 @@ impl Sink {
     }
 }
 
-/// A closed pipe is the reader's choice, anything else a failed write.
+/// A closed pipe is the reader's choice; any other error is a failed write.
 pub fn stdout_error(e: io::Error) -> Error {
     if e.kind() == io::ErrorKind::BrokenPipe {
         Error::BrokenPipe
@@ -105,11 +105,11 @@ pub fn stdout_error(e: io::Error) -> Error {
     }
 }
 
-/// A number with as many digits as reading it back exactly needs; NaN is an empty cell.
+/// A number with as many digits as are needed to read it back exactly; NaN is an empty cell.
 pub fn push_number(bytes: &mut Vec<u8>, v: f64) {
     if v.is_nan() {
     } else if v == 0.0 || (1e-4..1e15).contains(&v.abs()) {
-        // As below, in a quarter of the time.
+        // The same text as below, in a quarter of the time.
         bytes.extend_from_slice(zmij::Buffer::new().format_finite(v).as_bytes());
     } else {
         // Writing to a Vec cannot fail.
@@ -122,7 +122,7 @@ pub fn push_text(bytes: &mut Vec<u8>, text: &str) {
     push_cell(bytes, text.as_bytes());
 }
 
-/// [`push_text`] for whatever bytes a carried cell holds.
+/// [`push_text`] for a carried cell, which may hold any bytes.
 pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
     if !cell.iter().any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r')) {
         bytes.extend_from_slice(cell);
@@ -142,8 +142,8 @@ pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
 mod tests {
     use super::*;
 
-    /// Numbers read back exactly, and have the form in which Rust prints them: as many digits, and a power of ten from
-    /// the same sizes on. (Of two decimals that are equally near, the last digit may be the other one.)
+    /// Numbers are read back exactly, and have the form in which Rust prints them: the same number of digits, and a
+    /// power of ten for the same sizes. (Of two decimals that are equally near, the last digit may be the other one.)
     #[test]
     fn numbers_print_in_one_form() {
         let printed = |v: f64| {

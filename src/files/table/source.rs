@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct Table {
     rows: Rows<Box<dyn Read + Send>>,
     splitter: Splitter,
-    /// The rows that [`Table::next_record`] is at, and how far it has come in them.
+    /// The rows that [`Table::next_record`] reads from, and how far it has come in them.
     block: Block,
     at: usize,
     name: PathBuf,
@@ -24,7 +24,7 @@ pub struct Table {
     places: HashMap<String, usize>,
 }
 
-/// More columns than this are a mistake: traces of three channels and 10,000 frames have 30,000.
+/// More columns than this are a mistake: even traces of three channels and 10,000 frames have only 30,000.
 const MOST_COLUMNS: usize = 65_536;
 
 /// Bytes of a block of rows: wide traces are read in smaller blocks.
@@ -45,7 +45,7 @@ impl Table {
         Ok(Table { source: path.to_path_buf(), ..Table::from_reader(source, name)? })
     }
 
-    /// A table from any source; `name` stands for the file in messages.
+    /// A table from any source; `name` takes the place of the file's name in messages.
     pub fn from_reader(source: Box<dyn Read + Send>, name: PathBuf) -> Result<Table> {
         let mut table = Table {
             rows: Rows::new(source),
@@ -106,14 +106,14 @@ impl Table {
         })
     }
 
-    /// The header for a message, cut where it is long.
+    /// The header for a message, shortened where it is long.
     fn shown_header(&self) -> String {
         let shown = self.header.iter().take(40).map(String::as_str).collect::<Vec<_>>().join(", ");
         if self.header.len() > 40 { format!("{shown} and {} more", self.header.len() - 40) } else { shown }
     }
 
-    /// The column of an angle, which is `name` (radians) or `name_deg` (degrees), and the factor that makes radians of
-    /// its numbers.
+    /// The column of an angle, which is called `name` (radians) or `name_deg` (degrees), and the factor that converts
+    /// its numbers to radians.
     ///
     /// # Errors
     /// [`Error::Input`] where the header has both.
@@ -128,7 +128,8 @@ impl Table {
         }
     }
 
-    /// Reads the next row; false at the end. Rows may be ragged or no text at all: see [`Record::fault`].
+    /// Reads the next row; returns false at the end. Rows may have a wrong number of cells or not be text: see
+    /// [`Record::fault`].
     pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
         loop {
             let mut rest = &self.block.bytes[self.at..];
@@ -145,7 +146,7 @@ impl Table {
         }
     }
 
-    /// Reads the next `most` rows, or fewer where they are long, without looking at their cells; none at the end.
+    /// Reads the next `most` rows, or fewer where they are long, without looking at their cells; reads none at the end.
     pub(super) fn next_block(&mut self, most: usize, block: &mut Block) -> Result<()> {
         block.clear();
         while block.rows.len() < most
@@ -172,9 +173,9 @@ impl Default for Splitter {
 }
 
 impl Splitter {
-    /// Takes the first row off `rows`, which end in a line feed; false where there is none.
+    /// Takes the first row off `rows`, which end in a line feed; returns false where there is none.
     pub fn split(&mut self, rows: &mut &[u8], record: &mut Record) -> bool {
-        // To the reader beneath, an empty input is the end of the file, after which it reads no more.
+        // The reader beneath takes an empty input for the end of the file and then reads no more.
         if rows.is_empty() {
             return false;
         }
@@ -213,7 +214,7 @@ pub struct Record {
     ends: Vec<usize>,
     /// How many cells there are.
     count: usize,
-    /// Why its quotes make no sense, if they do not.
+    /// Why the row's quotes make no sense, if so.
     pub(super) unclosed: Option<String>,
 }
 
@@ -228,14 +229,13 @@ impl Record {
         self.count == 0
     }
 
-    /// Why a row of a table of `width` columns cannot be read, if it cannot. A cell in another encoding spoils only
-    /// itself.
+    /// Why a row of a table of `width` columns cannot be read, if so. A cell in another encoding spoils only itself.
     pub fn fault(&self, width: usize) -> Option<String> {
         let ragged = || (self.count != width).then(|| format!("{} fields where the header has {width}", self.count));
         self.unclosed.clone().or_else(ragged)
     }
 
-    /// A cell as it stands in the file, whatever its encoding, without the blanks around it; empty where there is none.
+    /// A cell as it is in the file, in any encoding, without the blanks around it; empty where there is no such cell.
     pub fn bytes(&self, k: usize) -> &[u8] {
         if k >= self.count {
             return &[];
@@ -249,7 +249,7 @@ impl Record {
         k.map(|k| std::str::from_utf8(self.bytes(k)))
     }
 
-    /// A cell as text; bytes that are no UTF-8 stand as replacement characters.
+    /// A cell as text; bytes that are not UTF-8 become replacement characters.
     pub fn shown(&self, k: usize) -> Cow<'_, str> {
         String::from_utf8_lossy(self.bytes(k))
     }

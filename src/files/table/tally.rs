@@ -3,7 +3,7 @@
 use super::Status;
 use std::fmt::Write;
 
-/// How many rows ended how, and which values were found in the rows that leave some of them open.
+/// How many rows ended in which way, and which values were found in rows that leave some values open.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Rows in all.
@@ -21,15 +21,15 @@ pub struct Tally {
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Value {
     name: String,
-    /// Where it stands among the output columns.
+    /// Its place among the output columns.
     column: usize,
-    /// In how many undetermined rows it has a value and is not named.
+    /// In how many undetermined rows it has a value and is not named by the status.
     found: usize,
 }
 
 impl Tally {
-    /// No rows yet. `outputs` are the output columns before `status`; the values among them are those that have a
-    /// column of errors (`x` with `x_err`), or all of them where none has.
+    /// A tally without rows. `outputs` are the output columns before `status`. The values among them are those with a
+    /// column of errors (`x` with `x_err`), or all columns where none has one.
     pub fn new<S: AsRef<str>>(outputs: &[S]) -> Tally {
         let has_error = |name: &str| outputs.iter().any(|o| o.as_ref().strip_suffix("_err") == Some(name));
         let any = outputs.iter().any(|o| has_error(o.as_ref()));
@@ -70,7 +70,7 @@ impl Tally {
         self.values.iter().map(|v| (v.name.as_str(), self.ok + v.found))
     }
 
-    /// The numbers as a sentence; `row` says what a row is: `row`, `leaf`, `branch`.
+    /// The numbers as a sentence. `row` is the word for a row: `row`, `leaf`, `branch`.
     pub fn words(&self, row: &str) -> String {
         let mut text = format!(
             "{}: {} ok, {} undetermined, {} refused",

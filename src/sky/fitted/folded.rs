@@ -1,18 +1,19 @@
-//! Preetham's coefficients as few polynomials: everything that has a closed form is folded out of the fit.
+//! Preetham's coefficients as few polynomials: everything with a closed form is divided out before the fit.
 //!
-//! Each of Y, Y/y and Y·x/y is (function of θ)·(function of γ) times a prefactor of (θs, τ) alone, which is kept in
-//! closed form ([`Turbid::prefactors`]); XYZ and RGB are linear in the three. What is left, q_lm(θs, τ), is even in θs
-//! for even m and odd for odd m (a sun at −θs is a sun at azimuth π), and nearly polynomial in ln(τ − 1.2029), where B
-//! of the luminance vanishes. So
+//! θ is the angle of a direction from the zenith, γ its angle from the sun, θs the sun's zenith angle and τ the
+//! turbidity. Each of Y, Y/y and Y·x/y is (function of θ)·(function of γ) times a prefactor that depends only on (θs,
+//! τ). The prefactor is kept in closed form ([`Turbid::prefactors`]); XYZ and RGB are linear in the three. What is
+//! left, q_lm(θs, τ), is even in θs for even m and odd for odd m (a sun at −θs is a sun at azimuth π). It is nearly a
+//! polynomial in ln(τ − 1.2029); 1.2029 is where B of the luminance vanishes. So
 //!
 //! q_lm = Σ_i Σ_{j < J_i} a_ij T_{2i + (m odd)}(2θs/π) T_j(v),   v = ln(τ − 1.2029) scaled to −1 … 1,
 //!
-//! with a staircase J_0 ≥ J_1 ≥ … common to all functions: high powers of one variable meet only low powers of the
-//! other.
+//! The staircase J_0 ≥ J_1 ≥ … is common to all functions: high powers of one variable occur only with low powers of
+//! the other.
 //!
-//! The three functions are stored mixed, u = K P̄ q with K the colour matrix and P̄ the prefactors at the middle of the
-//! domain ([`Mix`]), so that u is nearly RGB already and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u: without that, red is a
-//! small difference of large numbers, and single precision loses a digit.
+//! The three functions are stored in a mixed form, u = K P̄ q, where K is the colour matrix and P̄ are the prefactors
+//! at the middle of the domain ([`Mix`]). Then u is nearly RGB already, and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u. Without
+//! the mixing, red would be a small difference of large numbers, and single precision would lose a digit.
 
 use super::{Scalar, chebyshev};
 use crate::harmonics::Coefficients;
@@ -23,9 +24,9 @@ use std::f64::consts::FRAC_PI_2;
 /// Where B of the luminance's horizon factor vanishes: .4275/.3554.
 pub const TURBIDITY_ZERO: f64 = 1.2029;
 
-/// Most rows (powers of θs) and columns (powers of v) of a staircase.
+/// Largest number of rows (powers of θs) of a staircase.
 pub const MOST_ROWS: usize = 32;
-/// Most columns (powers of v) of a staircase.
+/// Largest number of columns (powers of v).
 pub const MOST_COLUMNS: usize = 24;
 
 /// Polynomials of every coefficient of N bands.
@@ -40,7 +41,7 @@ pub struct Folded<T = f32> {
     mix: Mix,
 }
 
-/// How the three separable functions are mixed before they are stored, and how linear sRGB comes out again.
+/// How the three separable functions are mixed before they are stored, and how linear sRGB is recovered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mix {
     /// K: linear sRGB from (Y, Y/y, Y·x/y).
@@ -115,8 +116,8 @@ pub fn scaled_turbidity(turbidity: f64, [low, high]: [f64; 2]) -> f64 {
 }
 
 impl<T: Scalar> Folded<T> {
-    /// From arrays: for each row i, for each j < `rows[i]`: u_0 of the functions of `even` orders, then u_1, then u_2
-    /// (and `odd` alike).
+    /// From arrays. For each row i and each j < `rows[i]` they hold u_0 of the functions of `even` orders, then u_1,
+    /// then u_2; `odd` is ordered in the same way.
     ///
     /// # Errors
     /// A sentence where lengths, bands or turbidities make no sense.
@@ -165,7 +166,7 @@ impl<T: Scalar> Folded<T> {
     pub fn rows(&self) -> &[usize] {
         &self.rows
     }
-    /// Which function stands where in the arrays.
+    /// The order of the functions in the arrays.
     pub fn orders(&self) -> &Orders {
         &self.orders
     }
@@ -177,11 +178,11 @@ impl<T: Scalar> Folded<T> {
     pub fn arrays(&self) -> (&[T], &[T]) {
         (&self.even, &self.odd)
     }
-    /// Terms a function.
+    /// Number of terms of a function.
     pub fn terms(&self) -> usize {
         self.rows.iter().sum()
     }
-    /// Numbers stored.
+    /// How many numbers are stored.
     pub fn len(&self) -> usize {
         self.even.len() + self.odd.len()
     }
@@ -208,7 +209,7 @@ impl<T: Scalar> Folded<T> {
         }
     }
 
-    /// Whether the fit answers for these parameters; gives the sun's zenith angle, at most π/2.
+    /// Checks that the fit covers these parameters. Returns the sun's zenith angle, at most π/2.
     ///
     /// # Errors
     /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
@@ -264,7 +265,7 @@ impl<T: Scalar> Folded<T> {
         finish::<T, FUSED>(&self.odd, |k| products[k][1], terms, &self.orders.odd, &matrix, out);
     }
 
-    /// The polynomials in θs alone that are left once the turbidity is fixed.
+    /// The polynomials in θs alone that remain when the turbidity is fixed.
     ///
     /// # Errors
     /// As [`Folded::accepts`].
@@ -297,7 +298,7 @@ impl<T: Scalar> Folded<T> {
     }
 }
 
-/// A sky whose turbidity is settled: only the sun moves.
+/// A sky of fixed turbidity: only the sun moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fixed<T = f32> {
     bands: usize,
@@ -363,7 +364,7 @@ pub fn suns(sun_zenith: f64, even: &mut [f64], odd: &mut [f64]) {
     chebyshev(x, 1, 2, odd);
 }
 
-/// Most functions of one parity, three times over: 12 bands.
+/// Largest number of functions of one parity (those of 12 bands), times three.
 const MOST_WIDTH: usize = 3 * 80;
 
 /// Sums `terms` rows of `from`, each times its factor, and writes the colours.
@@ -386,7 +387,7 @@ fn finish<T: Scalar, const FUSED: bool>(
         large.resize(width, T::default());
         &mut large
     };
-    // Blocks that stay in registers while all terms pass.
+    // Blocks that stay in registers while all terms are added.
     let mut start = 0;
     while start < width {
         start += match width - start {
@@ -411,7 +412,7 @@ fn block<T: Scalar, const W: usize, const FUSED: bool>(
     sums: &mut [T],
 ) -> usize {
     let mut acc = [T::default(); W];
-    // From the small terms of high degree to the large ones, which leaves the least rounding.
+    // The sum runs from the small terms of high degree to the large ones, which gives the least rounding.
     for (k, row) in from[..terms * width].chunks_exact(width).enumerate().rev() {
         let f = factor(k);
         let row = &row[start..start + W];

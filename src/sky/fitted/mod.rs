@@ -1,11 +1,11 @@
-//! Fitted polynomials of sky coefficients over (θs, τ), and how they are evaluated; how they are fitted is another
-//! room's business.
+//! Fitted polynomials of sky coefficients over (θs, τ), the sun's zenith angle and the turbidity, and how they are
+//! evaluated. Another room fits them.
 //!
 //! Two forms, both for the m ≥ 0 coefficients (the sun's azimuth is 0, so m < 0 are zero) in f32 or f64:
-//! - [`Folded`]: Preetham alone. Prefactors in closed form, Chebyshev polynomials of the right parity in θs and of ln(τ
-//!   − 1.2029).
-//! - [`Tensor`]: any model, a plain product of two polynomial bases in θs and τ: the dissertation's monomials, or
-//!   Chebyshev.
+//! - [`Folded`]: for Preetham only. Its prefactors are in closed form; the rest is Chebyshev polynomials of the right
+//!   parity in θs and in ln(τ − 1.2029).
+//! - [`Tensor`]: for any model. It is a plain product of two polynomial bases in θs and τ: the dissertation's
+//!   monomials, or Chebyshev polynomials.
 
 pub mod folded;
 pub mod tensor;
@@ -23,7 +23,8 @@ pub trait Scalar: Copy + Default + Send + Sync + Add<Output = Self> + Mul<Output
     fn narrow(x: f64) -> Self;
     /// The same number in double precision.
     fn wide(self) -> f64;
-    /// self · b + c, fused where `FUSED` (only on processors that have the instruction: elsewhere it is a slow call).
+    /// self · b + c; fused if `FUSED` is set (only for processors that have the instruction: on others it is a slow
+    /// call).
     fn fma<const FUSED: bool>(self, b: Self, c: Self) -> Self;
 }
 
@@ -49,7 +50,7 @@ macro_rules! scalar {
 scalar!(f32);
 scalar!(f64);
 
-/// T_first, T_first+step, … at x: `out` is filled. `step` is 1 or 2 (2: one parity alone).
+/// Fills `out` with T_first, T_first+step, … at x. `step` is 1, or 2 for one parity only.
 pub fn chebyshev(x: f64, first: usize, step: usize, out: &mut [f64]) {
     // T_{n+2s} = 2 T_s... for s = 1: 2x T − T; for s = 2: 2 T₂ T − T
     let twice = if step == 2 { 2.0 * (2.0 * x * x - 1.0) } else { 2.0 * x };

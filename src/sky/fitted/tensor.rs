@@ -1,27 +1,27 @@
-//! Coefficients as a product of two polynomial bases in θs and τ, a polynomial a coefficient and channel (Habel 2009
-//! Eq. 5.1).
+//! Coefficients as a product of two polynomial bases in θs and τ: one polynomial for each coefficient and channel
+//! (Habel 2009 Eq. 5.1).
 
 use super::{Scalar, chebyshev};
 use crate::harmonics::Coefficients;
 use crate::{Refused, check};
 use std::f64::consts::FRAC_PI_2;
 
-/// How a variable enters.
+/// The functions of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Basis {
-    /// θs^i τ^j, unscaled: the dissertation's.
+    /// θs^i τ^j, unscaled: the dissertation's choice.
     Monomials,
-    /// T_i, T_j on the domain scaled to −1 … 1.
+    /// T_i and T_j on the domain, scaled to −1 … 1.
     Chebyshev,
 }
 
-/// Most powers of a variable.
+/// Largest number of powers of a variable.
 pub const MOST: usize = 32;
 
 /// Polynomials of every coefficient of m ≥ 0 and channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor<T = f32> {
-    /// What the polynomials are sums of.
+    /// The basis of the polynomials.
     pub basis: Basis,
     bands: usize,
     turbidities: [f64; 2],
@@ -78,7 +78,7 @@ impl<T: Scalar> Tensor<T> {
         Tensor { basis: self.basis, bands: self.bands, turbidities: self.turbidities, powers: self.powers, values }
     }
 
-    /// N² coefficients, sun at azimuth 0; all arithmetic of the sums in `T`, as the dissertation's evaluation has it.
+    /// N² coefficients, sun at azimuth 0. The sums are computed in `T`, as in the dissertation.
     ///
     /// # Errors
     /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.

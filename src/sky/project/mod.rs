@@ -2,19 +2,19 @@
 //! *sun*.
 //!
 //! Three things spoil a plain (θ, φ) rule: the cone of e^(Dγ) at the sun (a kink in every direction through it), the
-//! essential singularity of e^(B/cosθ) at the horizon, and the jump to zero below it. In polar coordinates (γ, ψ)
-//! around the sun the cone is smooth: each ray runs from the sun (γ = 0) to where it meets the horizon, γ₁(ψ) =
-//! atan2(cosθs, −sinθs cosψ), and the horizon is a coordinate line.
+//! essential singularity of e^(B/cosθ) at the horizon, and the jump to zero below the horizon. In polar coordinates (γ,
+//! ψ) around the sun the cone is smooth. Each ray runs from the sun (γ = 0) to the point where it meets the horizon,
+//! γ₁(ψ) = atan2(cosθs, −sinθs cosψ), so the horizon is a coordinate line.
 //!
-//! - Along a ray, cosθ = r sin(γ₁ − γ) exactly, r² = cos²θs + sin²θs cos²ψ. Nodes are gathered towards the horizon end
-//!   (and towards the sun too where it stands low, for then both ends lie in the horizon's layer).
-//! - Across rays, γ₁ swings from π to 0 within η = asinh(cot θs) of ψ = π/2: ψ = π/2 + η sinh u spreads that swing over
-//!   u evenly.
+//! - Along a ray, cosθ = r sin(γ₁ − γ) exactly, with r² = cos²θs + sin²θs cos²ψ. Nodes are denser towards the horizon
+//!   end. For a low sun they are denser towards the sun as well, because then both ends are near the horizon.
+//! - Across rays, γ₁ changes from π to 0 within η = asinh(cot θs) of ψ = π/2. The substitution ψ = π/2 + η sinh u
+//!   spreads that change evenly over u.
 //!
 //! Both are Gauss–Legendre rules and converge geometrically. Everything is even in azimuth, so half of the rays are
-//! enough and m < 0 vanishes. Error at [`Quality::Exact`]: ≤ 1e-10 of c00 for Preetham at any turbidity of 1.7 … 10 and
-//! any sun, N ≤ 20 (tested against an adaptive integration in zenith angle and azimuth, and against half as many nodes
-//! again); Hosek–Wilkie's √cosθ and single precision leave 1e-5.
+//! enough, and coefficients of m < 0 are zero. The error at [`Quality::Exact`] is ≤ 1e-10 of c00 for Preetham at any
+//! turbidity of 1.7 … 10 and any sun, N ≤ 20 (tested against an adaptive integration in zenith angle and azimuth, and
+//! against half as many nodes more). Hosek–Wilkie's √cosθ and single precision leave 1e-5.
 
 use super::harmonics::{Basis, Coefficients};
 use super::{Sky, colour, quadrature};
@@ -28,17 +28,17 @@ pub enum Quality {
     /// 1e-10 of c00 and better.
     #[default]
     Exact,
-    /// Half as many nodes again: to check [`Quality::Exact`].
+    /// Half as many nodes more, to check [`Quality::Exact`].
     Checked,
 }
 
-/// Below this the sun counts as standing on the horizon; what the sliver between adds is smaller than rounding.
+/// Closer to the horizon than this, the sun counts as being on it; the difference is smaller than rounding.
 const LOWEST: f64 = 1e-13;
-/// Suns lower than this (zenith angle) have nodes gathered at both ends of a ray.
+/// For suns lower than this (zenith angle), nodes are denser at both ends of a ray.
 const LOW: f64 = 1.43;
 
 /// A rule for one sun and a number of bands: directions, angles to the sun, and weights times the basis. Skies of any
-/// turbidity (and any model) with that sun are projected by one pass over the nodes.
+/// turbidity (and any model) with that sun are projected in one pass over the nodes.
 #[derive(Debug, Clone)]
 pub struct Rule {
     bands: usize,
@@ -58,7 +58,7 @@ impl Rule {
     /// `sun_zenith` from 0 to π/2 (see [`Sky::sun_zenith`]), `bands` from 1 on.
     pub fn new(sun_zenith: f64, bands: usize, quality: Quality) -> Rule {
         let (sin, cos) = (sun_zenith.sin(), sun_zenith.cos().max(LOWEST));
-        // half width of the swing, and of the range of u that covers ψ = 0 … π
+        // Half the width of the change of γ₁, and half the range of u that covers ψ = 0 … π.
         let eta = if sin > 0.0 { (cos / sin).asinh().min(50.0) } else { 50.0 };
         let reach = (FRAC_PI_2 / eta).asinh();
         let more = 1.3 * bands.saturating_sub(7) as f64;
@@ -89,7 +89,7 @@ impl Rule {
                 let gamma = end * done;
                 let (sin_gamma, cos_gamma) = gamma.sin_cos();
                 let d = [sin * cos_gamma - cos * sin_gamma * cos_psi, sin_gamma * sin_psi, r * (end * left).sin()];
-                // twice: the other half of the rays
+                // Twice, for the other half of the rays.
                 let weight = 2.0 * w_psi * 0.5 * w * slope * end * sin_gamma;
                 let at = rule.nodes.len() * size;
                 let values = &mut rule.weighted[at..at + size];
@@ -109,7 +109,7 @@ impl Rule {
     pub fn sun_zenith(&self) -> f64 {
         self.sun_zenith
     }
-    /// Directions at which a sky is looked at.
+    /// Number of directions in which a sky is evaluated.
     pub fn evaluations(&self) -> usize {
         self.nodes.len()
     }
@@ -139,8 +139,8 @@ impl Rule {
     }
 }
 
-/// Part of the way done (0 … 1), part left (no difference of the two: the horizon needs its digits), and slope, for t
-/// evenly over 0 … 1.
+/// The part of the way that is done (0 … 1), the part that is left (not as a difference of the two, because the horizon
+/// needs its digits), and the slope, for t evenly over 0 … 1.
 fn gathered(t: f64, both: bool) -> (f64, f64, f64) {
     let s = 1.0 - t;
     if both { (t * t * (3.0 - 2.0 * t), s * s * (1.0 + 2.0 * t), 6.0 * t * s) } else { (t * (2.0 - t), s * s, 2.0 * s) }
@@ -157,8 +157,8 @@ pub fn spread(bands: usize, even: &[[f64; 3]], colour: impl Fn([f64; 3]) -> [f64
     out
 }
 
-/// N² coefficients of a sky in linear sRGB (kcd/m²), sun at azimuth 0: 49 × 3 numbers for 7 bands, without any
-/// polynomial.
+/// N² coefficients of a sky in linear sRGB (kcd/m²), sun at azimuth 0, by integration without any polynomial: 49 × 3
+/// numbers for 7 bands.
 pub fn direct(sky: &dyn Sky, bands: usize) -> Coefficients {
     Rule::new(sky.sun_zenith(), bands, Quality::Exact).project(sky)
 }

@@ -1,4 +1,4 @@
-//! The sun-centred rule against an adaptive integration in zenith angle and azimuth, against more nodes, and against
+//! Compares the sun-centred rule with an adaptive integration in zenith angle and azimuth, with more nodes, and with
 //! closed forms.
 
 use super::*;
@@ -108,8 +108,8 @@ fn the_coarse_rule_is_good_enough_for_fits() {
     }
 }
 
-/// How far the solid angle of the upper hemisphere by a rule is from 2π, as a share of it: what the nodes and weights
-/// are worth by themselves.
+/// How far the rule's solid angle of the upper hemisphere is from 2π, as a share of it. It tests nodes and weights
+/// alone.
 fn solid_angle_error(rule: &Rule) -> f64 {
     let c00 = rule.integrate(|_, _| [1.0; 3])[0][0];
     (c00 * (4.0 * PI).sqrt() / (2.0 * PI) - 1.0).abs()
@@ -126,7 +126,7 @@ fn a_constant_sky_has_closed_forms() {
     }
 }
 
-/// The second sky goes the same way, to the digits that its single precision and its root at the horizon leave.
+/// The second sky passes the same test, to the digits that its single precision and its root at the horizon allow.
 #[test]
 fn another_sky_is_projected_alike() {
     let sky = HosekWilkie { albedo: [0.3; 3] }.sky(0.9, 3.5).unwrap();
