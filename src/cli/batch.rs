@@ -1,4 +1,4 @@
-//! What the batch forms (CSV in, CSV out) share: the sentence at their end.
+//! What the batch forms (CSV in, CSV out) share: the sentence at the end of a run.
 
 use super::{Common, print_json};
 use crate::Result;
@@ -6,8 +6,8 @@ use mesophyll_files::progress;
 use mesophyll_files::table::{BatchIo, Tally};
 use std::path::Path;
 
-/// One line on standard error. With `--json` and the rows in a file, the same numbers as JSON on standard output.
-/// `row` says what a row is: `row`, `leaf`, `branch`.
+/// Writes one line on standard error. With `--json` and the rows in a file, it writes the same numbers as JSON on
+/// standard output. `row` is the word for a row: `row`, `leaf`, `branch`.
 pub fn say_tally(tally: &Tally, io: &BatchIo, common: &Common, row: &str) -> Result<()> {
     progress::say(tally.words(row));
     if common.json && io.output != Path::new("-") {

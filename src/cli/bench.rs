@@ -30,8 +30,8 @@ pub struct Args {
     peers: bool,
 }
 
-/// Runs the sweeps; a stop between two steps leaves nothing behind. Times are for ratios within one run: nothing is
-/// asserted of them.
+/// Runs the sweeps. A stop between two steps leaves nothing behind. Times are only for ratios within one run: nothing
+/// is asserted about them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let wanted = models::asked(&args.models, |m| m.bench);
     if cfg!(debug_assertions) {

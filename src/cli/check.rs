@@ -46,7 +46,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut manifest = Manifest::read(&args.scene)?;
     manifest.require_limits()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
-    // Fits that are made for goldens alone are small: they must not take the place of a run's own.
+    // Fits that are made for goldens alone are small, so they must not take the place of a run's own fits.
     let out = if args.goldens_only { out.join("goldens") } else { out };
     claim::scene(&out, &args.scene)?;
     let ledger = Ledger::new();
@@ -63,7 +63,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             placed.find_again(&manifest, index, search, &ledger)?;
         }
     }
-    // Seconds, not minutes: unlike a leaf's fit, translucency maps are made on the way.
+    // This takes seconds, not minutes: unlike the fit of a leaf, translucency maps are made on the way.
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, &out, search, &ledger)?;
     }

@@ -62,7 +62,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         motion: args.motion,
         force: args.force,
     };
-    // All that can be refused is refused before a fit is made.
+    // Everything that can be refused is refused before a fit is made.
     options.frames()?;
     if manifest.wind.is_none() && !manifest.fades() {
         return Err(Error::Usage(format!("{}: {}", args.scene.display(), film::NOTHING_MOVES)));
@@ -118,8 +118,8 @@ fn ffmpeg(folder: &Path, arguments: &[&str]) -> Result<std::process::Output> {
 #[cfg(feature = "render")]
 fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Result<()> {
     use mesophyll_files::atomic;
-    // Beside the frames, so that a stopped run leaves no strange file where the video goes; and by plain names, because
-    // ffmpeg reads % and : in a path as signs of its own.
+    // The video is first made beside the frames, so that a stopped run leaves no strange file where the video goes. The
+    // names are plain, because ffmpeg gives % and : in a path a meaning of its own.
     let whole = folder.join("video.mp4");
     let (rate, frames) = (film.fps.to_string(), film.frames.to_string());
     let filter = "pad=ceil(iw/2)*2:ceil(ih/2)*2";

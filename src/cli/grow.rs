@@ -47,7 +47,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// Vertices and triangles as they are drawn: those of a blade count for every leaf.
+/// Number of vertices and triangles as they are drawn: those of a blade count for every leaf.
 fn size(plant: &Plant) -> [usize; 2] {
     let blades = plant.leaves.iter().map(|leaf| &plant.blades[leaf.blade].mesh);
     let meshes = plant.branches.iter().map(|b| &b.wood).chain(blades);

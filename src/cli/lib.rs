@@ -1,4 +1,4 @@
-//! The verbs, a file each: arguments in, exit code out. No physics.
+//! The verbs, one file for each: they turn arguments into an exit code. There is no physics here.
 
 #![warn(missing_docs)]
 
@@ -150,7 +150,7 @@ pub fn main() -> ExitCode {
     quiet_display_libraries();
     progress::set_quiet(cli.common.quiet);
     if let Some(n) = cli.common.threads {
-        // Fails only when a pool exists already, which nothing before this line makes.
+        // This fails only when a pool already exists, and nothing before this line makes one.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(usize::from(n)).build_global();
     }
     stop_on_ctrl_c();
@@ -219,7 +219,7 @@ pub fn print(text: &str) -> Result<()> {
     print_bytes(text.as_bytes())
 }
 
-/// As [`print`], for a file that is no text.
+/// As [`print`], for a file that is not text.
 fn print_bytes(bytes: &[u8]) -> Result<()> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
@@ -281,7 +281,7 @@ mod tests {
     fn examples_of_the_help_are_accepted() {
         let mut seen = 0;
         for (name, verb) in verbs() {
-            // The texts themselves: a printed help has its long lines broken.
+            // The texts themselves are checked, because long lines are broken when a help is printed.
             let texts = [verb.get_after_help(), verb.get_after_long_help()].into_iter().flatten();
             let help = texts.map(|text| format!("{text}\n")).collect::<String>();
             for line in help.lines().filter_map(|l| l.strip_prefix("  mesophyll ")) {

@@ -1,5 +1,5 @@
-//! The models, an entry each. `fit`, `eval`, `bench`, `bench --peers` and `stress` read this list and nothing else, and
-//! so do their help texts and the completions. `docs/adding.md` says which files a new model has besides its entry.
+//! The models, one entry for each. `fit`, `eval`, `bench`, `bench --peers` and `stress`, their help texts and the
+//! completions read only this list. `docs/adding.md` says which files a new model has besides its entry.
 
 use crate::{Common, Error, Result, eval, fit};
 use clap::{ArgMatches, Command, FromArgMatches};
@@ -273,12 +273,13 @@ pub const MODELS: [Model; 24] = [
     },
 ];
 
-/// The models that have something, each with it.
+/// The models that have a certain part, each with that part.
 pub fn with<T>(what: fn(&Model) -> Option<T>) -> impl Iterator<Item = (&'static str, T)> {
     MODELS.iter().filter_map(move |model| Some((model.name, what(model)?)))
 }
 
-/// Of the models that have something those asked for, each once, in the order asked; all of them where none was.
+/// Of the models that have a certain part, those that were asked for, each once and in the order asked; all of them
+/// where none was asked for.
 pub fn asked<T>(names: &[String], what: fn(&Model) -> Option<T>) -> Vec<(&'static str, T)> {
     if names.is_empty() {
         return with(what).collect();

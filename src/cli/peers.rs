@@ -1,5 +1,5 @@
-//! Peers of `bench --peers`: the scripts of `tests/peers`, run where Python and their modules are installed, skipped
-//! with a word where not.
+//! Peers of `bench --peers`: the scripts of `tests/peers`. They run where Python and their modules are installed;
+//! elsewhere they are skipped with a message.
 
 use crate::{Error, Result};
 use mesophyll_files::progress;
@@ -17,9 +17,9 @@ enum Line {
     Skipped { skipped: String },
 }
 
-/// Rows of the peers of one sweep. A script gets the path of a folder with its inputs and prints a JSON line a row, or
-/// one that says why it skipped. Where both are measured in turns, it also
-/// prints a line a turn and reads our time of it. `MESOPHYLL_PYTHON` names the interpreter; `python3` else.
+/// Rows of the peers of one sweep. A script gets the path of a folder with its inputs, and prints one JSON line for
+/// each row, or one that says why it skipped. Where both are measured in turns, it also prints a line for each turn and
+/// reads our time for it. `MESOPHYLL_PYTHON` names the interpreter; the default is `python3`.
 ///
 /// # Errors
 /// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message,
@@ -37,7 +37,7 @@ pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<Inputs>)>) -> Resul
     let errors = folder.path().join("errors");
     let log = std::fs::File::create(&errors).map_err(|e| Error::write(&errors, e))?;
     let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
-    // One thread, as ours: linear algebra libraries take all cores otherwise.
+    // One thread, like ours: linear algebra libraries would otherwise take all cores.
     let started = Command::new(&python)
         .args(["-c", script])
         .arg(folder.path())
@@ -76,7 +76,7 @@ pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<Inputs>)>) -> Resul
         let reason = String::from_utf8_lossy(&text).lines().last().unwrap_or("no message").to_string();
         progress::say(format!("peers of {sweep}: the script failed: {reason}"));
     }
-    // Ours beside them, on the same inputs and in the same run; alone they would say nothing.
+    // Our rows are added beside them, on the same inputs and from the same run. Alone they would say nothing.
     if !rows.is_empty() {
         rows.extend(inputs.ours);
     }

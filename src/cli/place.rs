@@ -5,7 +5,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use mesophyll_files::atomic;
 use std::path::{Path, PathBuf};
 
-/// Parses the name of a folder to write. `-` is none: standard output cannot hold a folder.
+/// Parses the name of a folder to write. `-` is refused, because standard output cannot hold a folder.
 pub fn folder() -> impl TypedValueParser<Value = PathBuf> {
     let named = |path: PathBuf| if is_stdout(&path) { Err("a folder is written, expected its name") } else { Ok(path) };
     PathBufValueParser::new().try_map(named)
@@ -16,7 +16,7 @@ pub fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Lets `write` write a file. A file called `-` is printed on standard output once it is whole.
+/// Lets `write` write a file. A file called `-` is printed on standard output when it is complete.
 ///
 /// # Errors
 /// Those of `write`; [`Error::Write`] where standard output or the temporary folder cannot be written.

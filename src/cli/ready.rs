@@ -1,4 +1,4 @@
-//! A scene with every fit that it needs.
+//! A scene together with every fit that it needs.
 
 use crate::Result;
 use mesophyll_files::progress;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// Reads what a scene needs. Fits that are missing are made first and kept below `out`; Ctrl-C stops between them.
 ///
 /// # Errors
-/// As the fits, and [`crate::Error::Input`] for what the scene or a fit says wrongly.
+/// Those of the fits, and [`crate::Error::Input`] for what is wrong in the scene or in a fit.
 pub fn scene(manifest: Manifest, out: &Path, ledger: &Ledger) -> Result<Scene> {
     let search = Search { out: Some(out), input_hash: Some(&missing::input_hash), free: false };
     let mut placed = Placed::new(&manifest, search, ledger)?;

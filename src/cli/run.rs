@@ -42,7 +42,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut stages = Stages::default();
     let ledger = Ledger::new();
 
-    // The plan is made once, when every fit that it rests on is there.
+    // The plan is made once, when every fit that it depends on exists.
     let search = Search { out: Some(&out), input_hash: Some(&missing::input_hash), free: false };
     let mut placed = stages.time("look for fits", || Placed::new(&manifest, search, &ledger))?;
     let wanted: Vec<usize> = if args.write_fits {
@@ -70,7 +70,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     write_json(&out.join("plan.json"), &serde_json::to_value(&scene.plan).unwrap_or_default())?;
 
-    // The report is written whatever the check says: it is where one looks why.
+    // The report is written whatever the result of the check is, because it says why.
     let checked = stages.time("check", || check(&scene, &out, &ledger));
     let path = out.join("report.html");
     let sources = sources(&scene, &out);
@@ -97,11 +97,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         text += &format!("{}: {}\n", verdict.level.word(), verdict.sentence);
         super::print(&text)?;
     }
-    // The report judges fits and pictures alike; "usable with care" is a warning.
+    // The report judges both fits and pictures; "usable with care" is only a warning.
     Ok(u8::from(!passed || verdict.level == Level::Bad))
 }
 
-/// The run's folder, and fits that lie elsewhere.
+/// The run's folder, and the folders of fits elsewhere.
 fn sources(scene: &Scene, out: &Path) -> Vec<ReportSource> {
     let fits = scene.placed.leaves.iter().filter_map(|l| l.fitted.as_ref());
     let elsewhere = fits.filter(|f| !f.folder.starts_with(out));

@@ -33,8 +33,8 @@ impl Shown {
     }
 }
 
-/// The rows of a table under the table's name; a longer model name goes to the case (`slab forward` → `slab`, `forward:
-/// …`).
+/// Puts the rows of a table under the table's name. The rest of a longer model name moves to the case (`slab forward` →
+/// `slab`, `forward: …`).
 fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
     for row in &mut rows {
         if let Some(part) = row.model.strip_prefix(table).map(str::trim).filter(|part| !part.is_empty()) {
@@ -45,7 +45,8 @@ fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
     rows
 }
 
-/// Runs the tables; 0 where every case got the verdict it expects, else 1 with the others named.
+/// Runs the tables. Returns 0 where every case got the verdict that it expects; otherwise it returns 1 and the other
+/// cases are named.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let wanted = models::asked(&args.models, |m| m.stress);
     let bar = progress::Bar::new("stress tables", wanted.len() as u64);

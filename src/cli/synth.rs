@@ -115,7 +115,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
 }
 
-/// The leaf's truth, which has to be a slab where light goes sideways through it.
+/// The leaf's truth, which must be a slab where light travels sideways through the leaf.
 fn slab(args: &Args, spec: &Spec) -> Result<Model> {
     match spec.truth(&args.spec, args.model)? {
         Model::Foliar => Err(Error::Usage(

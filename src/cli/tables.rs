@@ -10,8 +10,8 @@ pub fn help(verb: &str) -> String {
     plain(&lines.take_while(|line| !line.starts_with("## ")).collect::<Vec<_>>())
 }
 
-/// Markdown as it reads in a terminal: tables in aligned columns, blocks of files and commands set in, no marks for
-/// bold text.
+/// Markdown as it is shown in a terminal: tables in aligned columns, blocks of files and commands indented, and no
+/// marks for bold text.
 fn plain(lines: &[&str]) -> String {
     let mut out = String::new();
     let mut k = 0;
@@ -33,7 +33,7 @@ fn plain(lines: &[&str]) -> String {
     out.trim().to_string()
 }
 
-/// A Markdown table without its rules, a column as wide as its widest cell.
+/// A Markdown table without its rules; each column is as wide as its widest cell.
 fn aligned(lines: &[&str]) -> String {
     let cells = |line: &str| line.trim_matches('|').split('|').map(|c| c.trim().replace('`', "")).collect::<Vec<_>>();
     let rows: Vec<Vec<String>> =

@@ -1,5 +1,6 @@
-//! The functions of direction that a leaf's translucency maps hold coefficients of, as scenes name them and the
-//! renderer evaluates them: three coefficients a texel, one dot product. The fits know more functions than these.
+//! The functions of direction for which a leaf's translucency maps hold coefficients, as scenes name them and the
+//! renderer evaluates them: three coefficients for each texel, one dot product. The fits know more functions than
+//! these.
 
 use serde::Deserialize;
 

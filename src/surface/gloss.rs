@@ -76,8 +76,8 @@ impl Lobe {
         }
     }
 
-    /// The density of slopes without its constants and what it falls by: with u = tan²α/m², D = K(u)/(π m² cos⁴α), this
-    /// is K and −K′/K.
+    /// The density of slopes without its constants, and its decay: with u = tan²α/m², D = K(u)/(π m² cos⁴α); this
+    /// returns K and −K′/K.
     #[inline]
     pub fn kernel(self, u: f64) -> [f64; 2] {
         match self {
@@ -89,8 +89,8 @@ impl Lobe {
         }
     }
 
-    /// Whether the density of slopes falls like a power instead of an exponential: nothing may be cut off far from the
-    /// peak then.
+    /// Whether the density of slopes falls like a power instead of an exponential. Then nothing may be cut off far from
+    /// the peak.
     pub fn is_long_tailed(self) -> bool {
         match self {
             Lobe::Beckmann | Lobe::CookTorrance { .. } => false,
@@ -98,7 +98,7 @@ impl Lobe {
         }
     }
 
-    /// tan²α below which the `share` (0 to 1) of ∫ D cosα dω lies: half vectors are drawn by it.
+    /// tan²α below which the `share` (0 to 1) of ∫ D cosα dω lies. Half vectors are drawn with it.
     #[inline]
     pub fn quantile(self, share: f64, m: f64) -> f64 {
         match self {
@@ -107,7 +107,7 @@ impl Lobe {
         }
     }
 
-    /// F for a facet that is met at this cosine: 1 where the lobe has no index.
+    /// The Fresnel factor F for a facet that is met at this cosine; 1 where the lobe has no index.
     #[inline]
     pub fn fresnel(self, cos: f64) -> f64 {
         self.index().map_or(1.0, |index| fresnel(cos, index))
@@ -141,7 +141,8 @@ impl Lobe {
         }
     }
 
-    /// The form the renderers draw: [`Lobe::value`] times the V-cavity G where it does not hold it already.
+    /// The form that the renderers draw: [`Lobe::value`] times the V-cavity factor G where the value does not contain G
+    /// already.
     pub fn bounded(self, n: [f64; 3], l: [f64; 3], v: [f64; 3], m: f64) -> f64 {
         let value = self.value(n, l, v, m);
         if self.index().is_none() && value > 0.0 {
@@ -153,8 +154,8 @@ impl Lobe {
 
     /// Directional albedo of the bounded form per unit ρs, ∫ f cosθi dωi, for a viewer at cosine `cos_view` in (0, 1].
     ///
-    /// Integrated over half vectors drawn by D's own cumulative (dωi = 4 (v·h) dωh): midpoint in azimuth,
-    /// Gauss–Legendre in the cumulative; good to about 1e-3.
+    /// It is integrated over half vectors drawn by the cumulative distribution of D (dωi = 4 (v·h) dωh): midpoint rule
+    /// in azimuth, Gauss–Legendre in the cumulative. The error is about 1e-3.
     pub fn albedo(self, cos_view: f64, m: f64) -> f64 {
         let rule = mesophyll_quadrature::symmetric(48);
         let v = [(1.0 - cos_view * cos_view).max(0.0).sqrt(), 0.0, cos_view];
@@ -252,7 +253,8 @@ mod tests {
 
     #[test]
     fn stogryn_equals_the_slope_form() {
-        // W Eq. 6 against Stogryn's σ°: l²/σ² = 4/m², (1 + cosθi cosθr + sin sin cos)²/(cosθi + cosθr)⁴ · exp(…)
+        // W Eq. 6 is compared with Stogryn's σ°: l²/σ² = 4/m², (1 + cosθi cosθr + sin sin cos)²/(cosθi + cosθr)⁴ ·
+        // exp(…).
         let (m, n) = (0.35, [0.0, 0.0, 1.0]);
         for (ti, tr, p) in [(0.3, 0.9, 2.8), (1.1, 0.2, 0.4), (0.7, 0.7, 3.1)] {
             let (ti, tr, p): (f64, f64, f64) = (ti, tr, p);
@@ -296,7 +298,7 @@ mod tests {
     fn fresnel_known_values() {
         assert!((fresnel(1.0, 1.5) - 0.04).abs() < 1e-12);
         assert!((fresnel(0.0, 1.5) - 1.0).abs() < 1e-12);
-        // Brewster: only the s-polarised half, ((n²−1)/(n²+1))²/2
+        // At Brewster's angle only the s-polarised half is reflected: ((n²−1)/(n²+1))²/2.
         let n: f64 = 1.45;
         let brewster = (1.0 / (1.0 + n * n)).sqrt();
         let want = 0.5 * ((n * n - 1.0) / (n * n + 1.0)).powi(2);

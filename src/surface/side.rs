@@ -31,12 +31,13 @@ impl Side {
     /// Both, the front first.
     pub const ALL: [Side; 2] = [Side::Front, Side::Back];
 
-    /// As files and sections of a fit are called.
+    /// The name of the side in files and sections of a fit.
     pub fn name(self) -> &'static str {
         self.into()
     }
 
-    /// Index in the front's map of what this side's map holds at `k`; the maps are row-major with `width` columns.
+    /// Index in the front's map of the texel that is at `k` in this side's map. Maps are row-major with `width`
+    /// columns.
     pub fn in_front(self, k: usize, width: usize) -> usize {
         match self {
             Side::Front => k,

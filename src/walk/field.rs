@@ -1,8 +1,8 @@
-//! A leaf between two height fields, and rays marched through it cell by cell.
+//! A leaf between two height fields, and rays that march through it cell by cell.
 //!
-//! Heights stand at the texels' centres and are bilinear between them, so that the height over a ray is quadratic along
-//! it and every crossing is a root in closed form: no step length, no bias. Where the front lies at or below the back
-//! there is no tissue (a hole). Grid frame: x to the right, y down the rows, z towards the light.
+//! Heights are given at the texels' centres and are bilinear between them. So the height over a ray is quadratic along
+//! the ray, and every crossing is a root in closed form: there is no step length and no bias. Where the front is at or
+//! below the back there is no tissue (a hole). Grid frame: x to the right, y down the rows, z towards the light.
 
 use super::phase::Direction;
 use mesophyll_error::{Error, Result};
@@ -10,10 +10,10 @@ use mesophyll_error::{Error, Result};
 /// What lies beyond the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rim {
-    /// The map again.
+    /// The map repeats.
     Periodic,
-    /// The rim's heights, outwards without end; light starts over the map and this margin (mm) around it, and upstream
-    /// of both.
+    /// The heights of the rim continue outwards without end. Light starts over the map and a margin (mm) around it, and
+    /// upstream of both.
     Clamped {
         /// Width of the margin (mm), at least 0.
         margin_mm: f64,
@@ -39,8 +39,8 @@ const SHEET: f64 = 1e-12;
 /// Steps from cell to cell before a flight is given up.
 const CELLS: u32 = 10_000_000;
 
-/// A ray: the cell between the centres of texels (i, j) and (i+1, j+1), the place in it, and the side of each face it
-/// is on.
+/// A ray: the cell between the centres of texels (i, j) and (i+1, j+1), the place in it, and on which side of each face
+/// the ray is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ray {
     pub i: i64,
@@ -65,7 +65,7 @@ pub(super) enum Event {
     Collision,
     Front,
     Back,
-    /// Away from the leaf for good, towards the light or away from it.
+    /// The ray leaves for good, towards the light.
     Up,
     Down,
     Lost,
@@ -125,8 +125,8 @@ impl Field {
         self.texel_mm
     }
 
-    /// Where light along `d` (z < 0) starts: corner and size of a rectangle at the leaf's highest level, mm from the
-    /// map's upper left corner. For diffuse light (None) the upstream part is that of light 80° from the vertical.
+    /// Where light along `d` (z < 0) starts: corner and size of a rectangle at the leaf's highest level, in mm from the
+    /// map's upper left corner. Diffuse light (`None`) has the upstream part of light 80° from the vertical.
     pub(super) fn start(&self, d: Option<Direction>) -> ([f64; 2], [f64; 2]) {
         let size = [self.width as f64 * self.texel_mm, self.height as f64 * self.texel_mm];
         let Rim::Clamped { margin_mm } = self.rim else { return ([0.0; 2], size) };
@@ -231,7 +231,7 @@ impl Field {
                 if let (Some(f), Some(k), false) = (front, back, ray.inside())
                     && (f - k).abs() <= SHEET
                 {
-                    // a sheet of no thickness is a hole: both faces are passed at once
+                    // A sheet without thickness is a hole: both faces are passed at once.
                     (ray.below_front, ray.above_back) = (!ray.below_front, !ray.above_back);
                     budget -= t;
                     continue;
@@ -256,7 +256,7 @@ impl Field {
         Event::Lost
     }
 
-    /// A ray that runs straight up or down and meets nothing more.
+    /// A ray that runs straight up or down and meets nothing else.
     fn away(&self, ray: &Ray) -> Event {
         match (ray.inside(), ray.d[2]) {
             (false, z) if z > 0.0 => Event::Up,
@@ -266,18 +266,18 @@ impl Field {
     }
 }
 
-/// First distance within `reach` at which the ray changes sides of the patch: from below it to above it (`rising`), or
-/// the other way.
+/// First distance within `reach` at which the ray changes sides of the patch: from below to above (`rising`), or the
+/// other way.
 ///
-/// f(t) = z(t) − h(t) = a t² + b t + c has one root where it rises (and one where it falls). A ray that rounding has
-/// left beyond the face and that moves further away has crossed already.
+/// f(t) = z(t) − h(t) = a t² + b t + c has one root where it rises (and one where it falls). If rounding has left a ray
+/// beyond the face and it moves further away, it has already crossed.
 fn crossing(ray: &Ray, p: &Patch, du: f64, dv: f64, rising: bool, reach: f64) -> Option<f64> {
     let sign = if rising { 1.0 } else { -1.0 };
     let c = sign * (ray.z - p.h);
     let b = sign * (ray.d[2] - p.hu * du - p.hv * dv);
     let a = -sign * p.twist * du * dv;
     if c >= 0.0 && b >= 0.0 {
-        // on the face or a rounding beyond it; a face left at this very place moves the other way
+        // The ray is on the face, or beyond it by rounding. A face that was left at this place moves the other way.
         return (c > 0.0 || b > 0.0).then_some(0.0);
     }
     let discriminant = b * b - 4.0 * a * c;

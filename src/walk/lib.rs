@@ -1,11 +1,11 @@
 //! Light in a leaf by random walk (Monte Carlo). It solves the transport equation without the diffusion approximation,
-//! and serves to judge the models that make it.
+//! and judges the models that use this approximation.
 //!
-//! A homogeneous [`Medium`] between two faces: plane ([`slab`]), or two height fields on a grid of texels ([`relief`]).
-//! Collisions are weighted by the albedo (survival weights) and weak histories end by Russian roulette, so every mean
-//! is unbiased; every result is an [`Estimate`] with its standard error. A run is a function of its input and seed
-//! alone: each batch of histories has its own random stream, and batches are added in order, whatever the number of
-//! threads. Units: mm, 1/mm; fluxes per flux that enters or arrives.
+//! A homogeneous [`Medium`] lies between two faces: planes ([`slab`]), or two height fields on a grid of texels
+//! ([`relief`]). Collisions are weighted by the albedo (survival weights), and weak histories end by Russian roulette,
+//! so every mean is unbiased. Every result is an [`Estimate`] with its standard error. A run depends only on its input
+//! and seed: each batch of histories has its own random stream, and batches are added in order, whatever the number of
+//! threads. Units: mm, 1/mm; fluxes are relative to the flux that enters or arrives.
 //!
 //! Limits: one homogeneous medium, unpolarised, Henyey–Greenstein scattering. A transmittance far below 1/√(histories)
 //! is found by few or no histories: its standard error then says so, but is itself uncertain. Histories beyond
@@ -77,7 +77,7 @@ impl Medium {
     }
 }
 
-/// What both faces do to light.
+/// How both faces act on light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Boundary {
     /// Nothing: the same refractive index on both sides.

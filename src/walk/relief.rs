@@ -1,8 +1,8 @@
 //! A leaf of varying thickness: light from one direction or from everywhere walks between two height fields.
 //!
-//! The lit face shadows itself, and light that leaves travels on and may enter again elsewhere. Exitance is booked
-//! where light last left the unlit face, once it is gone for good. Per texel of the map (its area in the leaf's plane,
-//! not that of its facet).
+//! The lit face shadows itself, and light that leaves travels on and may enter again elsewhere. Exitance is counted
+//! where light left the unlit face for the last time. It is per area of a texel in the leaf's plane, not per area of
+//! its facet.
 
 use super::field::{Event, Field, Ray};
 use super::phase::{self, Direction};
@@ -14,7 +14,8 @@ use rand_pcg::Pcg64;
 /// Where the light comes from, in the lit side's frame (x right, y up in its image, z out of the leaf).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
-    /// Towards the light, z > 0; made a unit vector. Results are per irradiance of a plane that faces the light.
+    /// Direction towards the light, z > 0; it is made a unit vector. Results are per irradiance of a plane that faces
+    /// the light.
     Direction(Direction),
     /// Lambertian. Results are per irradiance of the leaf's plane.
     Diffuse,
@@ -27,8 +28,8 @@ pub struct Leaf {
     pub medium: Medium,
     /// What the faces do to light.
     pub boundary: Boundary,
-    /// Light that crosses a matched or diffuse face goes on Lambertian about the face's normal (a rough face), not
-    /// straight.
+    /// Whether light that crosses a matched or diffuse face continues Lambertian about the face's normal (a rough face)
+    /// instead of straight.
     pub spread: bool,
 }
 
@@ -37,32 +38,33 @@ pub struct Leaf {
 pub struct ReliefWalk {
     /// How many histories were run.
     pub histories: u64,
-    /// Leaves for good on the lit side, after it was inside.
+    /// Share that was inside and leaves for good on the lit side.
     pub reflected: Estimate,
-    /// Leaves on the lit side without having entered (rough faces).
+    /// Share that leaves on the lit side without having entered (rough faces).
     pub glossy: Estimate,
-    /// Leaves for good on the unlit side after it was inside.
+    /// Share that was inside and leaves for good on the unlit side.
     pub transmitted: Estimate,
-    /// Reaches the unlit side without having entered: through holes.
+    /// Share that reaches the unlit side without having entered: through holes.
     pub passed: Estimate,
-    /// Absorbed by the tissue.
+    /// Share that the tissue absorbs.
     pub absorbed: Estimate,
-    /// Given up after [`EVENTS`] events.
+    /// Share that was given up after [`EVENTS`] events.
     pub lost: Estimate,
-    /// Sum of all the above; 1 but for the roulette.
+    /// Sum of all the above; 1 except for the roulette.
     pub balance: Estimate,
     /// Flux that entered a second time or more often, summed over entries.
     pub entered_again: Estimate,
-    /// What leaves the unlit face, per texel.
+    /// Light that leaves the unlit face, for each texel.
     pub exitance: Vec<Estimate>,
-    /// π times the mean radiance of each texel from straight before the unlit face, within 37° (cosine [`SEEN`]): the
-    /// exitance where that is Lambertian about the leaf's normal, less where the face is tilted.
+    /// π times the mean radiance of each texel seen from straight in front of the unlit face, within 37° (cosine
+    /// [`SEEN`]). It is the exitance where the light is Lambertian about the leaf's normal, and less where the face is
+    /// tilted.
     pub seen: Vec<Estimate>,
-    /// What enters through the lit face for the first time, per texel.
+    /// Light that enters through the lit face for the first time, for each texel.
     pub entering: Vec<Estimate>,
 }
 
-/// Cosine of the half angle of the cone that [`ReliefWalk::seen`] is taken over.
+/// Cosine of the half angle of the cone over which [`ReliefWalk::seen`] is averaged.
 pub(crate) const SEEN: f64 = 0.8;
 
 struct Sums {
@@ -91,7 +93,7 @@ struct Particle {
     absorbed: f64,
     entries: u32,
     again: f64,
-    /// Where it left last: the texel, if that was through the unlit face.
+    /// The texel where the particle left last, if that was through the unlit face.
     left: Option<usize>,
 }
 
@@ -132,7 +134,7 @@ impl Leaf {
             self.history(field, ray, rng, sums);
         })?;
         let n = histories.count;
-        // one history carries the flux through the start's area over all histories
+        // One history carries the flux through the area of the start, divided by the number of histories.
         let per_texel = beam.map_or(1.0, |d| -d[2]) * size[0] * size[1] / (field.texel_mm() * field.texel_mm());
         let map = |sums: &[Sum]| sums.iter().map(|s| s.mean(n).scaled(per_texel)).collect();
         Ok(ReliefWalk {
@@ -179,7 +181,7 @@ impl Leaf {
         sums.fates.balance.add(balance);
     }
 
-    /// Follows the particle; None where it ends in the tissue.
+    /// Follows the particle; `None` where it ends in the tissue.
     fn follow(&self, field: &Field, p: &mut Particle, rng: &mut Pcg64, sums: &mut Sums) -> Option<Event> {
         let extinction = self.medium.extinction();
         for _ in 0..EVENTS {
@@ -229,13 +231,13 @@ impl Leaf {
         Some(Event::Lost)
     }
 
-    /// Direction after a face of outward normal `n`, and whether the light is through. None where it is given up.
+    /// Direction after a face of outward normal `n`, and whether the light goes through. `None` where it is given up.
     fn cross(&self, d: Direction, n: Direction, enters: bool, rng: &mut Pcg64) -> Option<(Direction, bool)> {
         let inward = [-n[0], -n[1], -n[2]];
         match self.boundary {
             Boundary::Rough(rough) => {
                 let mut local = phase::within(n, d);
-                // a ray that grazes the face: the side it comes from is known, its cosine only to rounding
+                // A ray that grazes the face: the side it comes from is known, but its cosine only to rounding.
                 local[2] = if enters { local[2].min(-1e-12) } else { local[2].max(1e-12) };
                 let o = rough.scatter(local, rng)?;
                 Some((phase::about(n, o), (o[2] < 0.0) == enters))

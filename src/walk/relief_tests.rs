@@ -1,5 +1,5 @@
-//! The walk between height fields against the plane slab, ray tracing by brute force, and a delta-tracking walk with
-//! inside tests.
+//! Compares the walk between height fields with the plane slab, with brute-force ray tracing, and with a delta-tracking
+//! walk with inside tests.
 
 use super::phase::{henyey_greenstein, scattered};
 use super::rough::Rough;
@@ -36,7 +36,7 @@ fn bumpy_field() -> Field {
     Field::new(7, 5, 0.1, front, back, Rim::Periodic).unwrap()
 }
 
-/// Height of a periodic bilinear map at (x, y) mm, written independently of the march.
+/// Height of a periodic bilinear map at (x, y) mm, written independently of the march through cells.
 fn height(map: &[f64], w: usize, h: usize, texel: f64, x: f64, y: f64) -> f64 {
     let (gx, gy) = (x / texel - 0.5, y / texel - 0.5);
     let (i, j) = (gx.floor(), gy.floor());
@@ -92,7 +92,7 @@ fn a_flat_field_is_the_plane_slab() {
     agree("diffuse map", got.exitance[0], slab.transmitted);
 }
 
-/// A pure absorber passes e^(−σa × the way within): dense rays, each sampled finely.
+/// A pure absorber passes e^(−σa × the path inside): dense rays, each sampled finely.
 #[test]
 fn rays_through_a_bumpy_absorber_are_as_long_as_brute_force_says() {
     let (front, back) = bumpy();
@@ -125,7 +125,7 @@ fn rays_through_a_bumpy_absorber_are_as_long_as_brute_force_says() {
     }
 }
 
-/// Woodcock's delta tracking in the bounding slab with inside tests: no cells, no roots, no flags.
+/// Woodcock's delta tracking in the bounding slab with inside tests: it uses no cells, roots or flags.
 fn delta_tracking(medium: Medium, toward: [f64; 3], count: u64) -> (Estimate, Estimate) {
     let (front, back) = bumpy();
     let mut rng = Pcg64::seed_from_u64(77);
@@ -176,7 +176,8 @@ fn a_bumpy_leaf_agrees_with_delta_tracking() {
     }
 }
 
-/// Direct light on a ridge, its shadow and its flank: V max(0, n·ω)/n_z per texel, by visibility over dense points.
+/// Direct light on a ridge, its shadow and its flank: V max(0, n·ω)/n_z for each texel, from the visibility at dense
+/// points.
 #[test]
 fn the_lit_side_shadows_itself() {
     let n = 40;
@@ -202,7 +203,7 @@ fn the_lit_side_shadows_itself() {
             assert!(e.value < 1e-9, "texel {k}: {e:?}");
             dark += 1;
         } else {
-            // one sub-point of 64 is the reference's own resolution
+            // The reference's own resolution is one sub-point of 64.
             chi2 += (e.value - want).powi(2) / (e.error.powi(2) + (want / 64.0).powi(2));
         }
     }
@@ -228,7 +229,7 @@ fn a_hole_passes_light_and_an_inverted_leaf_is_no_leaf() {
     };
     let field = Field::new(n, n, texel, front.clone(), back.clone(), Rim::Periodic).unwrap();
     let got = leaf.walk(&field, Light::Direction([0.0, 0.0, 1.0]), histories(20_000)).unwrap();
-    // four of ten columns have no tissue at all; wedges of tissue lead to the others
+    // Four of ten columns have no tissue at all; wedges of tissue lead to the others.
     assert!((got.passed.value - 0.4).abs() < 4.0 * got.passed.error, "{:?}", got.passed);
     let field = Field::new(n, n, texel, back, front, Rim::Periodic).unwrap();
     let got = leaf.walk(&field, Light::Direction([0.5, 0.1, 0.3]), histories(2000)).unwrap();

@@ -2,9 +2,9 @@
 //! the surface.
 //!
 //! Smith's uncorrelated microsurface as a random walk (Heitz et al. 2016, *Multiple-scattering microfacet BSDFs with
-//! the Smith model*), heights uniform: every ray leaves somewhere with weight 1, so the face neither loses nor makes
-//! energy, and both ways agree. Facets are drawn as seen from the ray. Slope 0 is a smooth pane. Directions: +z out of
-//! the medium, along the light's travel.
+//! the Smith model*) with uniform heights. Every ray leaves somewhere with weight 1, so the face neither loses nor
+//! creates energy, and both directions agree. Facets are drawn as the ray sees them. Slope 0 is a smooth pane.
+//! Directions are along the light's travel; +z is out of the medium.
 
 use super::phase::{Direction, dot};
 use super::tally::uniform;
@@ -13,7 +13,7 @@ use mesophyll_optics::gloss::fresnel;
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
-/// Refractive index of the medium over that outside, and root of twice the mean square slope along one axis (`m` of
+/// A rough dielectric surface. Its slope is the square root of twice the mean square slope along one axis (`m` of
 /// [`mesophyll_optics::gloss`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
@@ -23,7 +23,7 @@ pub struct Rough {
     pub slope: f64,
 }
 
-/// Facets one ray may meet at one crossing; beyond it is given up.
+/// Largest number of facets that a ray may meet at one crossing; after that it is given up.
 const FACETS: u32 = 100_000;
 
 impl Rough {
@@ -37,13 +37,14 @@ impl Rough {
         Ok(())
     }
 
-    /// Where a ray that arrives along `d` (z < 0: from outside, z > 0: from within) leaves to: z > 0 outside, z < 0
-    /// inside. None where it is given up.
+    /// The direction in which a ray that arrives along `d` (z < 0: from outside, z > 0: from within) leaves: z > 0 is
+    /// outside, z < 0 inside. `None` where it is given up.
     pub fn scatter(&self, d: Direction, rng: &mut Pcg64) -> Option<Direction> {
-        // Rays inside are seen in coordinates mirrored at the origin, where the surface looks as it does from outside.
+        // Rays inside are treated in coordinates mirrored at the origin, in which the surface looks as it does from
+        // outside.
         let mut outside = d[2] < 0.0;
         let mut w = if outside { d } else { [-d[0], -d[1], -d[2]] };
-        // cumulative of the height where the ray is: 1 on top, 0 at the bottom
+        // Cumulative distribution of the height, at the ray: 1 at the top, 0 at the bottom.
         let mut c = 1.0;
         for _ in 0..FACETS {
             c = match self.next(w, c, rng) {
@@ -91,10 +92,11 @@ impl Rough {
         if w[2] > 0.0 { upward } else { -1.0 - upward }
     }
 
-    /// Normal of a facet that the direction `v` (from the facet to where the ray comes from) sees, with density ∝ D
+    /// Normal of a facet that the direction `v` (from the facet to where the ray comes from) sees, with a density ∝ D
     /// cosα max(0, v·h)/cosα.
     ///
-    /// With slope t towards the azimuth of v: v·h/cosα = v_z + sinθ t, t Gaussian; drawn by rejection, exactly.
+    /// With the slope t towards the azimuth of v, v·h/cosα = v_z + sinθ t, where t is Gaussian. It is drawn exactly, by
+    /// rejection.
     fn facet(&self, v: Direction, rng: &mut Pcg64) -> Direction {
         let (m, sin, cos) = (self.slope, (v[0] * v[0] + v[1] * v[1]).sqrt(), v[2]);
         if m == 0.0 {
@@ -211,7 +213,7 @@ mod tests {
             let n = n as f64;
             let sigma = ((square - mean * mean) / n).sqrt();
             assert!((s / n - mean).abs() < 4.0 * sigma, "m {m} cos {cos}: {} {mean} ± {sigma}", s / n);
-            // the squares' own spread is about √2 of their mean
+            // The spread of the squares themselves is about √2 of their mean.
             assert!(
                 (s2 / n / square - 1.0).abs() < 4.0 * 1.5 / n.sqrt()
                     && (across / n / (0.5 * m * m) - 1.0).abs() < 4.0 * 1.5 / n.sqrt()
@@ -219,8 +221,8 @@ mod tests {
         }
     }
 
-    /// Light in thermal balance: a Lambertian flux from both sides, n² as strong inside, leaves as it came (reciprocity
-    /// and energy).
+    /// Light in thermal balance: a Lambertian flux from both sides, n² times as strong inside, leaves as it came
+    /// (reciprocity and energy).
     #[test]
     fn a_rough_face_passes_the_same_flux_both_ways() {
         let mut rng = Pcg64::seed_from_u64(3);

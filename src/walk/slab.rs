@@ -1,10 +1,10 @@
 //! A plane slab lit at one point: totals, the transmitted spot T(r), its width and the angles it leaves at.
 //!
-//! The lit face is at depth 0, z and directions count downwards. With matched or diffuse faces one unit of flux starts
-//! just inside the lit face along the given direction, and the part that crosses unscattered is added as its
-//! expectation (a spot of no width, apart from everything else); the history follows the rest, so a slab far thinner
-//! than a mean free path costs no more than a thick one. With rough dielectric faces the flux arrives from outside, and
-//! nothing is forced.
+//! The lit face is at depth 0; z and directions count downwards. With matched or diffuse faces, one unit of flux starts
+//! just inside the lit face along the given direction. The part that crosses without scattering is added as its
+//! expectation (a spot without width, separate from everything else), and the history follows the rest. So a slab far
+//! thinner than a mean free path takes no longer than a thick one. With rough dielectric faces the flux arrives from
+//! outside, and nothing is forced.
 
 use super::phase::{self, Direction};
 use super::tally::{self, Estimate, Fates, Histories, Ratio, Sum, Tally, uniform};
@@ -13,7 +13,7 @@ use mesophyll_error::{Error, Result};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
-/// How many parts of equal Lambertian flux the exit angles are counted in.
+/// Number of parts of equal Lambertian flux in which the exit angles are counted.
 pub const ANGLES: usize = 10;
 
 /// A plane homogeneous slab.
@@ -30,7 +30,7 @@ pub struct Slab {
 /// Direction of the light at the lit face: inside it for matched and diffuse faces, outside it for rough ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Entry {
-    /// Along this direction, z > 0; made a unit vector.
+    /// A beam along this direction, z > 0; it is made a unit vector.
     Beam(Direction),
     /// Lambertian.
     Diffuse,
@@ -41,29 +41,29 @@ impl Entry {
     pub const NORMAL: Entry = Entry::Beam([0.0, 0.0, 1.0]);
 }
 
-/// All fluxes per flux that starts. `balance` = reflected + glossy + transmitted + absorbed + lost is 1 but for the
-/// roulette.
+/// All fluxes are relative to the flux that starts. `balance` = reflected + glossy + transmitted + absorbed + lost is 1
+/// except for the roulette.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SlabWalk {
     /// How many histories were run.
     pub histories: u64,
-    /// Leaves through the lit face after it was inside.
+    /// Share that was inside and leaves through the lit face.
     pub reflected: Estimate,
     /// Reflected by a rough face's outside without entering.
     pub glossy: Estimate,
-    /// All that leaves through the other face.
+    /// Share that leaves through the other face.
     pub transmitted: Estimate,
-    /// Of it, what met neither tissue nor a reflecting face.
+    /// The part of `transmitted` that met neither tissue nor a reflecting face.
     pub unscattered: Estimate,
     /// Absorbed by the tissue.
     pub absorbed: Estimate,
-    /// Given up after [`EVENTS`] events.
+    /// Share that was given up after [`EVENTS`] events.
     pub lost: Estimate,
-    /// Sum of all the shares; 1 but for the roulette.
+    /// Sum of all the shares; 1 except for the roulette.
     pub balance: Estimate,
-    /// T(r), the scattered part, mean over each ring, 1/mm².
+    /// T(r) of the scattered light, averaged over each ring (1/mm²).
     pub radial: Vec<Estimate>,
-    /// Rings' radii, mm, one more than rings.
+    /// Radii of the rings (mm), one more than there are rings.
     pub edges: Vec<f64>,
     /// Mean square distance of the scattered transmitted light from where it entered, mm² (NaN where none came).
     pub mean_square_radius: Estimate,
@@ -108,12 +108,12 @@ struct Particle {
     d: Direction,
     weight: f64,
     absorbed: f64,
-    /// Met tissue or a reflecting face.
+    /// Whether it met tissue or a reflecting face.
     touched: bool,
 }
 
 impl Slab {
-    /// Walks `histories` through the slab; `edges` are the rings' radii in mm, ascending from ≥ 0 (may be empty).
+    /// Walks `histories` through the slab. `edges` are the radii of the rings in mm, ascending from ≥ 0 (may be empty).
     pub fn walk(&self, entry: Entry, histories: Histories, edges: &[f64]) -> Result<SlabWalk> {
         self.medium.check()?;
         self.boundary.check()?;
@@ -224,11 +224,11 @@ impl Slab {
         sums.fates.balance.add(balance);
     }
 
-    /// Splits off what crosses unscattered and leaves (returned); the particle carries the rest, at its first collision
-    /// or reflection.
+    /// Splits off and returns what crosses without scattering and leaves. The particle carries the rest, at its first
+    /// collision or reflection.
     fn force(&self, particle: &mut Particle, reflectance: f64, rng: &mut Pcg64) -> f64 {
         let depth = self.medium.extinction() * self.thickness_mm / particle.d[2];
-        // a slab of no thickness is crossed whatever it holds
+        // A slab without thickness is crossed whatever it contains.
         let stopped = if depth.is_nan() { 0.0 } else { -(-depth).exp_m1() };
         let returned = reflectance * (1.0 - stopped);
         particle.weight = stopped + returned;
@@ -294,7 +294,7 @@ impl Slab {
                     particle.d = [o[0], o[1], if down { -o[2] } else { o[2] }];
                 }
                 Boundary::Rough(rough) => {
-                    // out of the medium is +z for the face
+                    // For the face, +z is out of the medium.
                     let flip = if down { 1.0 } else { -1.0 };
                     let Some(o) = rough.scatter([particle.d[0], particle.d[1], flip * z], rng) else {
                         return End::Lost;
@@ -312,7 +312,7 @@ impl Slab {
 }
 
 impl Sums {
-    /// Where and how scattered light leaves the unlit face.
+    /// Records where and how scattered light leaves the unlit face.
     fn spread(&mut self, particle: &Particle, edges: &[f64]) {
         let (w, cos) = (particle.weight, particle.d[2]);
         let square = particle.p[0] * particle.p[0] + particle.p[1] * particle.p[1];

@@ -6,10 +6,10 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Histories a batch, each batch with its own random stream.
+/// Number of histories in a batch; each batch has its own random stream.
 const BATCH: u64 = 8192;
 
-/// How many histories, and the seed of their streams.
+/// The number of histories, and the seed of their streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Histories {
     /// How many histories are run.
@@ -20,7 +20,7 @@ pub struct Histories {
 
 /// A mean over histories and its standard error.
 ///
-/// Where no history scored at all the value is 0 and the error that of a single one of full weight.
+/// Where no history scored at all, the value is 0 and the error is that of a single history of full weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// The mean.
@@ -72,7 +72,7 @@ impl Sum {
         Estimate { value, error: variance.sqrt() }
     }
 
-    /// Share of this part in a `whole` of which it is a part.
+    /// The share of this part in `whole`, of which it is a part.
     pub fn share(&self, whole: &Sum) -> Estimate {
         if whole.sum <= 0.0 {
             return Estimate { value: f64::NAN, error: f64::NAN };
@@ -89,18 +89,18 @@ pub fn merge<'a>(into: impl IntoIterator<Item = &'a mut Sum>, from: impl IntoIte
     into.into_iter().zip(from).for_each(|(a, b)| a.merge(b));
 }
 
-/// Where the flux of one run went, whatever the shape it ran through.
+/// Where the flux of one run went, whatever shape it ran through.
 #[derive(Debug, Clone, Default)]
 pub struct Fates {
-    /// Left through the lit face after it was inside.
+    /// Flux that was inside and left through the lit face.
     pub reflected: Sum,
-    /// Reflected without entering.
+    /// Flux that was reflected without entering.
     pub glossy: Sum,
-    /// Left through the other face.
+    /// Flux that left through the other face.
     pub transmitted: Sum,
-    /// Absorbed by the tissue.
+    /// Flux that the tissue absorbed.
     pub absorbed: Sum,
-    /// Given up after too many events.
+    /// Flux that was given up after too many events.
     pub lost: Sum,
     /// Sum of all the above, history by history.
     pub balance: Sum,
@@ -159,9 +159,9 @@ pub fn uniform(rng: &mut Pcg64) -> f64 {
     1.0 - rng.random::<f64>()
 }
 
-/// What one run adds up.
+/// The sums of one run.
 pub trait Tally: Send {
-    /// Adds what another batch found.
+    /// Adds the sums of another batch.
     fn merge(&mut self, other: &Self);
 }
 
@@ -175,7 +175,7 @@ pub fn run<T: Tally>(
         return Err(Error::Usage(format!("random walk: {} histories, expected at least 2", histories.count)));
     }
     let batches = histories.count.div_ceil(BATCH);
-    // not all batches at once: a tally may hold an image
+    // Not all batches run at once, because a tally may contain an image.
     let group = 2 * rayon::current_num_threads() as u64;
     let mut total = empty();
     for first in (0..batches).step_by(group as usize) {

@@ -1,4 +1,4 @@
-//! The walk against independent solutions: the exact slab, closed forms, doubling, composition of diffuse faces,
+//! Compares the walk with independent solutions: the exact slab, closed forms, doubling, composition of diffuse faces,
 //! published values.
 
 use super::rough::Rough;
@@ -126,8 +126,8 @@ fn anisotropic_slab_agrees_with_doubling_and_with_van_de_hulst() {
     }
 }
 
-/// What leaves a bare slab through a face goes back Lambertian in part: two geometric series over the bare slab's exact
-/// responses.
+/// A face reflects part of the light that leaves a bare slab back inside, Lambertian: two geometric series over the
+/// exact responses of the bare slab.
 #[test]
 fn diffuse_faces_compose_the_bare_slab() {
     for (sa, ss, d, rho) in [(0.4, 10.2, 0.2, 0.45), (2.0, 5.0, 0.05, 0.6), (0.0, 8.0, 0.3, 0.3)] {
@@ -168,7 +168,7 @@ fn dielectric_faces_give_giovanellis_half_space() {
     let got = slab(0.0).walk(Entry::NORMAL, histories(50_000), &[]).unwrap();
     agrees("glossy", got.glossy, 0.04, 4.0, 2e-3);
     agrees("diffuse", got.reflected, 0.2600 - 0.04, 4.0, 2.5e-3);
-    // index 1 is no face at all, however rough
+    // With index 1 there is no face at all, however rough it is.
     let (medium, thickness_mm) = (Medium { sigma_a: 0.5, sigma_s: 6.0, g: 0.3 }, 0.2);
     let free =
         Slab { medium, thickness_mm, boundary: Boundary::Matched }.walk(Entry::NORMAL, histories(40_000), &[]).unwrap();
@@ -204,7 +204,7 @@ fn a_thin_slab_scatters_once_as_the_closed_form_says() {
 #[test]
 fn rings_add_up_and_a_deep_slab_forgets_its_phase_function() {
     let edges: Vec<f64> = (0..=40).map(|k| 0.5 * f64::from(k)).collect();
-    // similarity: σs(1−g) alone matters where light has scattered often
+    // Similarity: where light has scattered often, only σs(1−g) matters.
     let mut totals = Vec::new();
     for g in [0.0, 0.9, -0.9] {
         let got = matched(0.05, 10.0 / (1.0 - g), g, 1.0).walk(Entry::Diffuse, histories(8_000), &edges).unwrap();
@@ -258,7 +258,7 @@ fn the_threads_do_not_matter_and_the_seed_does() {
     assert_ne!(on(1, 7).transmitted, on(1, 8).transmitted);
 }
 
-/// Over many seeds the standard errors are those of the scatter.
+/// Over many seeds, the standard errors agree with the scatter.
 #[test]
 fn standard_errors_are_what_they_say() {
     let slab = Slab {
@@ -281,7 +281,7 @@ fn standard_errors_are_what_they_say() {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt();
         let said = runs.iter().map(|w| pick(w).error).sum::<f64>() / runs.len() as f64;
-        // 60 runs know their scatter to 9 %
+        // 60 runs give the scatter to 9 %.
         assert!((scatter / said - 1.0).abs() < 0.36, "{scatter} {said}");
     }
 }

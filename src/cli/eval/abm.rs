@@ -180,7 +180,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let reader = Reader { names: required.iter().chain(&optional).cloned().collect(), spectrum: spectrum.as_ref() };
     let mut spec = Spec { required, optional, texts: text(&TEXTS), ..Spec::default() };
     if args.goniometer || args.table {
-        // Many rows a case: only what tells the cases apart is said in each.
+        // A case has many rows, so each row states only what tells the cases apart.
         spec.dropped = reader.names.iter().cloned().chain(text(&TEXTS)).collect();
         spec.dropped.extend(text(&["incidence_deg", "wavelength_nm"]));
         if table.column("id").is_none() {

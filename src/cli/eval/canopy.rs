@@ -48,7 +48,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let ledger = Ledger::new();
     let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
     let mut manifest = Manifest::read(&args.scene)?;
-    // Nobody looks, but all leaves are there.
+    // No view is needed, but all leaves must be there.
     manifest.look_from_above();
     let scene = Scene::open(manifest, search, &ledger)?;
     let world = reference::traced(&scene, 0.0, &ledger)?;
@@ -75,8 +75,7 @@ fn directions(args: &Args, file: &Path, canopy: &Canopy, channel: usize, common:
     let bar = Bar::of("directions");
     let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
         let (zenith, azimuth) = (row.get(0), row.get(1));
-        // Without an azimuth the view lies in the sun's plane; as is usual there, negative angles are on the sun's
-        // side.
+        // Without an azimuth the view is in the sun's plane. As is usual there, negative angles are on the sun's side.
         let (zenith, azimuth) = match azimuth.is_nan() {
             true => (-zenith.to_radians(), canopy.sun_azimuth()),
             false => (zenith.to_radians(), azimuth.to_radians()),

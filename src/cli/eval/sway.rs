@@ -35,7 +35,7 @@ pub struct Args {
     output: PathBuf,
 }
 
-/// More rows than this are likelier a typing error than a wish.
+/// More rows than this are more likely a typing error than a wish.
 const MOST_ROWS: f64 = 2e8;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -56,7 +56,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let bends = Bends::new(&manifest, &twigs, &ledger)?;
     let standing = Standing { winds: Winds::new(&manifest, &planted, &ledger)?, planted: &planted };
-    // The last time counts although the steps may fall short of it by rounding.
+    // The last time is included although rounding may make the steps fall short of it.
     let steps = ((args.to - args.from) / args.step + 1e-9).floor();
     if (steps + 1.0) * rows as f64 > MOST_ROWS {
         let found = format!("{} rows", (steps + 1.0) * rows as f64);
@@ -65,7 +65,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut sink = Sink::open(&Output { path: args.output.clone(), json: common.json }, &args.scene)?;
     sink.write_all(b"time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm\n")?;
     let bar = Bar::of("times");
-    // A few times at once: plants of many branches take a while each.
+    // A few times are computed at once, because plants of many branches take a while each.
     let all: Vec<u64> = (0..=steps as u64).collect();
     for some in all.chunks(256) {
         let lines: Vec<Vec<u8>> = some

@@ -52,7 +52,7 @@ pub struct Args {
     pictures: Option<PathBuf>,
 }
 
-/// What `-o, --out` names: where rows go, and the folder of the fit, if any.
+/// What `-o, --out` names: the place for rows, and the folder of the fit, if any.
 fn places(args: &Args) -> Result<(PathBuf, Option<PathBuf>)> {
     let is_folder = |path: &&PathBuf| match args.deflections {
         Some(_) => !place::is_stdout(path) && (path.is_dir() || (!path.exists() && path.extension().is_none())),

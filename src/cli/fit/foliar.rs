@@ -160,7 +160,7 @@ fn known(given: &[Parameter], cells: &[f64]) -> std::result::Result<Known, Strin
     Ok(known)
 }
 
-/// A row a leaf, a column a reading; and whether the noise is stated.
+/// One row for each leaf, one column for each reading. Also returns whether the noise is stated.
 fn wide(
     args: &Args,
     common: &Common,
@@ -175,7 +175,7 @@ fn wide(
                     long form: leaf, wavelength_nm, R, T";
         return Err(Error::input(table.name(), what));
     }
-    // A light for each wavelength and side, so that R and T of one share what is computed of it.
+    // One light for each wavelength and side, so that R and T of one light share what is computed.
     let mut lights: Vec<(f64, Side)> = Vec::new();
     for c in &columns {
         for side in [Side::Adaxial, Side::Abaxial] {
@@ -218,7 +218,7 @@ fn wide(
     Ok((tally, stated))
 }
 
-/// A row a wavelength; and whether the noise is stated.
+/// One row for each wavelength. Also returns whether the noise is stated.
 fn long(
     args: &Args,
     common: &Common,
@@ -243,7 +243,7 @@ fn long(
     let groups = Groups::read(table, &spec, "leaf")?;
     let light_of = |row: &GroupRow| side(row.texts[0].as_deref()).map(|side| (row.values[0], side));
     let key = |(wavelength, side): (f64, Side)| (wavelength.to_bits(), side == Side::Abaxial);
-    // Rows outside the table of pigments refuse their leaf below.
+    // Rows outside the range of the table of pigments cause their leaf to be refused below.
     let [low, high] = spectrum.range();
     let mut lights: Vec<(f64, Side)> =
         groups.rows().filter_map(|row| light_of(row).ok()).filter(|(w, _)| (low..=high).contains(w)).collect();
@@ -299,7 +299,7 @@ fn long(
     Ok((tally, stated))
 }
 
-/// R or T over wavelength as measured, and as the fitted leaf has it.
+/// R or T over wavelength, as measured and as computed for the fitted leaf.
 fn panel(leaf: &str, through: bool, readings: &[Reading], computed: &[f64], lights: &[(f64, Side)]) -> Panel {
     let word = if through { "transmittance" } else { "reflectance" };
     let of = |value: &dyn Fn(usize) -> [f64; 2]| -> Vec<[f64; 3]> {

@@ -82,7 +82,7 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
     let spec = table::Spec {
         // An empty cell is no reading.
         optional: columns.clone(),
-        // A status of an earlier step (`eval gloss`) gives way to this one.
+        // The status of an earlier step (`eval gloss`) is replaced by that of this one.
         dropped: columns.into_iter().chain(["status".into()]).collect(),
         outputs: TexelFit::outputs(channels),
         ..table::Spec::default()

@@ -67,7 +67,7 @@ fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
     }
 }
 
-/// Every second frame at most: a fit needs most of what was measured.
+/// At most every second frame may be left out: a fit needs most of what was measured.
 fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
     text.parse()
         .ok()
@@ -75,7 +75,7 @@ fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
         .ok_or_else(|| "expected 0 (none) or 2 to 10000".into())
 }
 
-/// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.
+/// A capture under a dome has no tube, so shards, lobes and the paper's reduction do not apply.
 fn from_dome(args: &Args) -> Result<Outcome> {
     let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
     if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, Method::Paper) {
@@ -129,7 +129,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// A table a person can read: counts, shared parameters, what is undetermined.
+/// A table for people: counts, shared parameters, and what is undetermined.
 fn summary(record: &FitRecord) -> String {
     let mut text = String::new();
     for (name, section) in &record.sections {

@@ -40,7 +40,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     args.what.run(common)
 }
 
-/// Says how the fit of the folder `out` ended. The answer is its record; a shard has none.
+/// Says how the fit of the folder `out` ended, and returns its record; a shard has none.
 fn ended(outcome: Outcome, out: &Path) -> Option<Box<FitRecord>> {
     let out = out.display();
     match outcome {
@@ -66,7 +66,7 @@ fn ended(outcome: Outcome, out: &Path) -> Option<Box<FitRecord>> {
 /// Says how the fit of the folder `out` ended, and prints its record: as JSON, or by `summary`.
 fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitRecord) -> String) -> Result<u8> {
     if let Some(record) = ended(outcome, out) {
-        // A summary may warn, whatever is printed.
+        // A summary may print a warning, so it is always made.
         let text = summary(&record);
         if common.json { crate::print_json(&*record)? } else { crate::print(&text)? }
     }

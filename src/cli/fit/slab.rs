@@ -58,11 +58,12 @@ enum Unit {
     M,
 }
 
-/// What the column of the leaf's name is called; the first that is there.
+/// Names of the column with the leaf's name; the first one that exists is used.
 const LEAF: [&str; 2] = ["leaf", "leaf_id"];
 const WAVELENGTH: &str = "wavelength_nm";
 
-/// A picture a leaf, in order of first appearance, from rows in any order: number, leaf, wavelength and answer of each.
+/// One picture for each leaf, in order of first appearance. The rows may be in any order; each has its number, leaf,
+/// wavelength and answer.
 fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Panel>)> {
     rows.sort_by_key(|r| r.0);
     let mut leaves: Vec<(String, Vec<(f64, Vec<f64>)>)> = Vec::new();
@@ -96,12 +97,12 @@ fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Pa
 
 const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
 
-/// What tables of spectra call them: where a table has no column of the first name, the next one is looked for.
+/// Other names in tables of spectra: where a table has no column of the first name, the next one is looked for.
 const ALSO: [&[&str]; 5] =
     [&["R"], &["T"], &["thickness_mm", "thickness_um", "thickness_m", "thickness"], &["R_err"], &["T_err"]];
 
-/// Thickness of leaves (mm), thinnest and thickest with room to spare. The same thicknesses in µm are numbers above
-/// this range and in m numbers below it, so a column that names no unit shows by its numbers whether it can be in mm.
+/// Range of a leaf's thickness (mm), with a margin at both ends. The same thicknesses in µm are numbers above this
+/// range, and in m numbers below it. So a column that names no unit shows by its numbers whether it can be in mm.
 const LEAVES_MM: [f64; 2] = [0.01, 10.0];
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -183,7 +184,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
                 Some(empty) => Answer::refused(format!("{} is empty", columns[empty])),
                 None => fitted(*wavelength, cells),
             };
-            // A row without numbers still says what it is of.
+            // A row without numbers still says which leaf and wavelength it belongs to.
             values.resize(slab::OUTPUTS.len(), f64::NAN);
             values.insert(0, *wavelength);
             out.push(Answer { values, status });
@@ -208,7 +209,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// Why a thickness without a unit is not taken for mm, and what would make it readable.
+/// Why a thickness without a unit is not taken for mm, and how to make it readable.
 fn not_in_mm(column: &str, thickness: f64) -> String {
     let [low, high] = LEAVES_MM;
     let hint = if (1e3 * low..=1e3 * high).contains(&thickness) {
@@ -223,8 +224,8 @@ fn not_in_mm(column: &str, thickness: f64) -> String {
     )
 }
 
-/// The unit that is asked for or that the column's name ends in; none where neither says it (a column `h` is in mm). A
-/// name that says another unit than was asked for, or one that is not known here, is an error: micrometres read as
+/// The unit that is asked for, or that the column's name ends in; `None` where neither states one (a column `h` is in
+/// mm). A name that states another unit than the one asked for, or an unknown one, is an error: micrometres read as
 /// millimetres would look like an answer.
 fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));

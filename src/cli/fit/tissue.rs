@@ -94,7 +94,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     super::told(outcome, &args.output, common, summary)
 }
 
-/// A table a person can read.
+/// A table for people.
 fn summary(record: &FitRecord) -> String {
     let Some(section) = record.sections.get("all") else { return String::new() };
     let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);

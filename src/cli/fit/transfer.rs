@@ -42,7 +42,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     super::told(outcome, &args.output, common, summary)
 }
 
-/// What a person wants to know of it.
+/// A summary of the record for people.
 fn summary(record: &FitRecord) -> String {
     let say = |name: &str| record.options.get(name).map_or("", String::as_str);
     let mut text = format!("{}: {}, {} paths an anchor\n", record.name, say("light"), say("paths"));

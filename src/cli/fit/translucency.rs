@@ -146,8 +146,8 @@ fn options(args: &Args) -> Result<Options> {
     })
 }
 
-/// The leaf fit that is asked for: the folder itself, or one made from a capture under a dome, kept as `leaf` in the
-/// output.
+/// The leaf fit that is asked for: the folder itself, or one that is made from a capture under a dome and kept as
+/// `leaf` in the output.
 fn leaf(args: &Args) -> Result<PathBuf> {
     if args.input.join("fit.toml").is_file() || !args.input.join("capture.toml").is_file() {
         return Ok(args.input.clone());
@@ -175,7 +175,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     })
 }
 
-/// A table a person can read.
+/// A table for people.
 fn summary(record: &FitRecord) -> String {
     let say = |name: &str| record.options.get(name).map_or("", String::as_str);
     let mut text =

@@ -26,7 +26,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    // What cannot be read at all is said by the look at a scan, as ever.
+    // What cannot be read at all is reported by the look at a scan.
     match Kind::of(&args.capture).ok().flatten() {
         Some(Kind::Dome) => return dome::run(args, common),
         Some(Kind::Beams) => return beams::run(args, common),
@@ -36,7 +36,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     shown(args, common, &found, text, found.problems.len())
 }
 
-/// Prints what was found, in words or as JSON; the exit code says whether it can be fitted.
+/// Prints the result, in words or as JSON. The exit code says whether the capture can be fitted.
 fn shown<T: serde::Serialize>(
     args: &Args,
     common: &Common,
@@ -123,7 +123,7 @@ fn text(f: &Inspection) -> String {
     out
 }
 
-/// What follows, what is worth a look, what is wrong; and that nothing is.
+/// The notes, the warnings and the problems; where there are none, it says so.
 fn said(lists: [&[String]; 3]) -> String {
     let mut out = String::new();
     for (head, list) in ["What follows", "Worth a look", "Problems"].into_iter().zip(lists) {
