@@ -12,8 +12,9 @@ MESOPHYLL = target/release/mesophyll
 
 .PHONY: demo full test fits goldens gallery build wheel setup setup-test fmt lint
 
-# Says how the program ended and where to look, and ends with its exit code, which the shell has in `code`. $(1) is the report.
-# 1: a fit, a picture or the machine (no adapter to draw with) misses what the scene asks; 2: an input or the disk; more: it died.
+# Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`. $(1) is the report.
+# Exit code 1: a fit, a picture or the machine (without an adapter to draw with) misses what the scene asks for.
+# Exit code 2: an input or the disk is at fault. Larger codes: the program was stopped or crashed.
 ended = if [ -e $(1) ]; then where="open $(1)"; else where="no report was written; the messages above say why"; fi; \
 	case $$code in \
 	    0) echo "Done: $$where" ;; \
@@ -57,7 +58,7 @@ goldens: build
 	    $(MESOPHYLL) check $$scene --goldens-only --update-golden --out out/goldens/$$(basename $$scene .toml) || exit 1; \
 	done
 
-# Goes on where it was stopped.
+# A gallery that was stopped continues where it was.
 gallery: build
 	for scene in data/gallery/*.toml; do \
 	    $(MESOPHYLL) render $$scene -o out/gallery --tone film --resume || exit $$?; \

@@ -82,7 +82,7 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
     Ok(rows)
 }
 
-/// The reference world with the fit's own ρd and ρt maps, which both interiors are models of.
+/// The reference world with the fit's own ρd and ρt maps, which both interiors approximate.
 fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     let mut world = reference::world(scene, ledger)?;
     for (leaf, drawn) in scene.drawn().zip(&mut world.leaves) {

@@ -7,11 +7,12 @@ use std::f64::consts::PI;
 /// A unit vector along the travel of light.
 pub type Direction = [f64; 3];
 
-/// Cosine between the directions before and after (Henyey & Greenstein 1941, inverted cumulative); isotropic at g = 0.
+/// Random cosine between the directions before and after scattering (Henyey & Greenstein 1941, by the inverse of the
+/// cumulative distribution); isotropic at g = 0.
 pub(crate) fn henyey_greenstein(g: f64, rng: &mut Pcg64) -> f64 {
     let x = 2.0 * uniform(rng) - 1.0;
     if g.abs() < 1e-5 {
-        // the next term of the series is of order g
+        // The next term of the series is of order g.
         return (x + 1.5 * g * (1.0 - x * x)).clamp(-1.0, 1.0);
     }
     let s = (1.0 - g * g) / (1.0 + g * x);
@@ -24,13 +25,15 @@ pub fn scattered(d: Direction, cos: f64, rng: &mut Pcg64) -> Direction {
     about(d, [(1.0 - cos * cos).max(0.0).sqrt() * cos_a, (1.0 - cos * cos).max(0.0).sqrt() * sin_a, cos])
 }
 
-/// `local`, given in a frame whose z axis is the unit vector `axis`, in the frame of `axis`.
+/// Turns `local`, which is given in a frame whose z axis is the unit vector `axis`, into the frame in which `axis` is
+/// given.
 ///
-/// The frame is that of Duff et al. 2017: no branch on the axis but its sign, accurate to rounding everywhere.
+/// The frame is that of Duff et al. 2017: it branches only on the sign of the axis' z, and is accurate to rounding
+/// everywhere.
 pub fn about(axis: Direction, local: Direction) -> Direction {
     let (t, b) = tangents(axis);
     let v: Direction = std::array::from_fn(|k| local[0] * t[k] + local[1] * b[k] + local[2] * axis[k]);
-    // one Newton step back to unit length: rounding does not add up over thousands of collisions
+    // One Newton step back to unit length, so that rounding does not add up over thousands of collisions.
     let scale = 1.5 - 0.5 * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     [v[0] * scale, v[1] * scale, v[2] * scale]
 }
