@@ -12,7 +12,8 @@ MESOPHYLL = target/release/mesophyll
 
 .PHONY: demo full test fits goldens gallery build wheel setup setup-test fmt lint
 
-# Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`. $(1) is the report.
+# Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`.
+# $(1) is the report.
 # Exit code 1: a fit, a picture or the machine (without an adapter to draw with) misses what the scene asks for.
 # Exit code 2: an input or the disk is at fault. Larger codes: the program was stopped or crashed.
 ended = if [ -e $(1) ]; then where="open $(1)"; else where="no report was written; the messages above say why"; fi; \

@@ -147,6 +147,7 @@ impl Maker {
 
     /// Takes over a part from a stopped run, or makes it. `make` writes files into the folder that it gets, and returns
     /// further results of the part. [`Maker::take_parts`] brings the files into the fit's folder.
+    ///
     /// # Errors
     /// Those of `make`; a folder that cannot be written.
     pub fn part<T: Serialize + DeserializeOwned>(

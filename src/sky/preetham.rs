@@ -1,11 +1,11 @@
 //! The daylight sky of Preetham, Shirley and Smits 1999 ("A practical analytic model for daylight"), with the paper's
 //! own four-decimal numbers; no smoothing at the horizon, no clamp.
 //!
-//! Luminance Y and chromaticities x, y are each v(θ, γ) = v_z F(θ, γ)/F(0, θs) with F = (1 + A e^(B/cosθ))(1 + C e^(Dγ)
-//! + E cos²γ) (Perez 1993), where A … E are linear in the turbidity τ, θ is the angle from the zenith, γ that from the
-//! sun, θs the sun's zenith angle and v_z the value at the zenith. Unit: kcd/m². Limits: the luminance factor 1 + A e^B
-//! is zero at τ = 1.643, and below that the horizon is negative, so τ is accepted from 1.7 to 10. The paper fitted 2 to
-//! 6, and below 2.5 the horizon is too bright (Zotti et al. 2007).
+//! The luminance Y and the chromaticities x and y are each v(θ, γ) = v_z F(θ, γ)/F(0, θs), where F = (1 + A
+//! e^(B/cosθ))(1 + C e^(Dγ) + E cos²γ) (Perez 1993) and A … E are linear in the turbidity τ, θ is the angle from the
+//! zenith, γ that from the sun, θs the sun's zenith angle and v_z the value at the zenith. Unit: kcd/m². Limits: the
+//! luminance factor 1 + A e^B is zero at τ = 1.643, and below that the horizon is negative, so τ is accepted from 1.7
+//! to 10. The paper fitted 2 to 6, and below 2.5 the horizon is too bright (Zotti et al. 2007).
 
 use super::{Model, Refused, Sky, check};
 

@@ -1,6 +1,7 @@
 //! What a leaf shows in front of a diffuse back light when light spreads sideways inside it; used for synthesis.
 //!
 //! For each texel and channel: τ(x) = ρt(x) · [A_p Σ_i T(|x − x_i|, d_i) V_i/n_z,i] / T_total(d(x)).
+//!
 //! - ρt is the slab's transmittance with the texel's own pigment, for a beam along the normal; by reciprocity that is
 //!   what the camera sees.
 //! - T is the diffusing kernel of the leaf's mean tissue, with its total set to the slab's (H9 Eq. 3.14 without the
