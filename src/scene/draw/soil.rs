@@ -15,9 +15,9 @@ use rand_pcg::Pcg64;
 /// Texels along a side of the tile.
 const TEXELS: usize = 1024;
 /// Cells of the coarsest noise along a side of the tile; each octave has twice as many and a weight of this share.
-const COARSEST: usize = 8;
-const OCTAVES: usize = 7;
-const SHARE: f64 = 0.75;
+const COARSEST: usize = 16;
+const OCTAVES: usize = 6;
+const SHARE: f64 = 0.9;
 /// Old leaves and stones a square of one grain.
 const LITTER: f64 = 0.5;
 /// How much more red and less blue what is lit has than the mean: wet soil is darker and bluer.
