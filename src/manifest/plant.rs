@@ -183,16 +183,18 @@ pub struct Ground {
     pub height_mm: f64,
     /// Size of its clods, old leaves and stones (mm), which the path tracer draws; even where it is absent.
     pub grain_mm: Option<f64>,
-    /// Standard deviation of the reflectance's logarithm, where there is a grain.
-    #[serde(default = "contrast")]
-    pub contrast: f64,
+    /// Standard deviation of the reflectance's logarithm, where there is a grain; .4 where it is absent.
+    pub contrast: Option<f64>,
 }
 
 /// Grains along a side of the square after which a ground's pattern repeats.
 pub const GRAINS_A_TILE: f64 = 64.0;
 
-fn contrast() -> f64 {
-    0.4
+impl Ground {
+    /// Standard deviation of the logarithm of a grain's reflectance.
+    pub fn contrast(&self) -> f64 {
+        self.contrast.unwrap_or(0.4)
+    }
 }
 
 /// Leaves on a twig along z, a golden angle apart; the same seed gives the same cluster.

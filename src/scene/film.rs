@@ -92,6 +92,12 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     if !scene.placed.moves().any() && !scene.manifest.fades() {
         return Err(Error::Usage(format!("{}: {NOTHING_MOVES}", scene.manifest.path.display())));
     }
+    if options.motion && scene.placed.moves().grass {
+        return Err(Error::Usage(format!(
+            "{}: found a lawn that leans in the wind, which has no motion vectors; expected a film without --motion",
+            scene.manifest.path.display()
+        )));
+    }
     let view = views(scene, options.view.as_deref())?[0].clone();
     let mut renderer = viewer::Renderer::headless(&viewer::Options::default()).map_err(drawn_by)?;
     let adapter = renderer.adapter().clone();

@@ -95,7 +95,11 @@ pub fn render(
         let time = branch::time(manifest, view);
         let world = match at.take().filter(|(then, _)| *then == time) {
             Some((_, world)) => world,
-            None => reference::traced(scene, time, ledger)?,
+            None => {
+                let mut world = reference::traced(scene, time, ledger)?;
+                reference::grain(&mut world, scene);
+                world
+            }
         };
         let earlier = pictures.get(&view.name).cloned();
         let drawn = one(scene, &world, view, size, options, earlier.as_ref(), &mut |drawn| {

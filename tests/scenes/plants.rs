@@ -91,6 +91,10 @@ fn plants_that_cannot_stand_say_why() {
         ),
         (format!("{grow}{BARK}drag_n_s_m3 = 0\nflutter = {{ deg_per_m_s = 4 }}\n"), "flutter: given, but with a drag"),
         (format!("{grow}{BARK}flutter = {{ resonance_hz = 4 }}\n"), "missing field `deg_per_m_s`"),
+        (
+            format!("{grow}{BARK}[ground]\nalbedo = [0.1, 0.1, 0.1]\nreach_mm = 500\ncontrast = 0.3\n"),
+            "contrast: given without grain_mm",
+        ),
         (format!("file = \"gone.glb\"\n{BARK}"), "no such file"),
         (format!("file = \"bad.glb\"\n{BARK}"), "not a readable glTF file"),
     ] {

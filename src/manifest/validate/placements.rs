@@ -75,11 +75,18 @@ pub fn placements(p: &Place) -> Result<()> {
             let across = across.or(ground.reach_mm.map(|r| 2.0 * r)).unwrap_or_default();
             // At most 256 × 256 squares.
             p.range(HEADER, 0, "grain_mm", grain, [across / (256.0 * GRAINS_A_TILE), 1e6], "mm")?;
-            p.range(HEADER, 0, "contrast", ground.contrast, [0.0, 1.0], "")?;
+            p.range(HEADER, 0, "contrast", ground.contrast(), [0.0, 1.0], "")?;
             if m.transfer.is_some() {
                 let why = "given beside a [transfer], for which the ground is even";
                 return Err(p.error(HEADER, 0, "grain_mm", why));
             }
+        } else if ground.contrast.is_some() {
+            return Err(p.error(
+                HEADER,
+                0,
+                "contrast",
+                "given without grain_mm, the size of what differs from the mean",
+            ));
         }
     }
     if let Some(periodic) = &m.periodic {

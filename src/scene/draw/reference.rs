@@ -94,13 +94,6 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
     relight_everywhere(&mut out, scene)?;
     out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
-    if let Some((k, ground)) = out.ground.zip(scene.manifest.ground.as_ref()) {
-        let size = out.periodic.unwrap_or([2.0 * ground.reach_mm.unwrap_or_default(); 2]);
-        if let Some(leaf) = soil::leaf(ground, size) {
-            let of = out.instances[k].leaf;
-            out.leaves[of] = leaf;
-        }
-    }
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
         let path = scene.manifest.resolve(file);
         let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
@@ -108,6 +101,17 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
         out.environment = Some(Arc::new(map));
     }
     Ok(out)
+}
+
+/// Gives the ground of a world that [`traced`] made its grain, where the scene has one. Only pictures to look at have
+/// it: a check compares with a renderer that draws an even ground.
+pub fn grain(world: &mut transport::World, scene: &Scene) {
+    let Some((k, ground)) = world.ground.zip(scene.manifest.ground.as_ref()) else { return };
+    let size = world.periodic.unwrap_or([2.0 * ground.reach_mm.unwrap_or_default(); 2]);
+    if let Some(leaf) = soil::leaf(ground, size, world.periodic.is_some()) {
+        let of = world.instances[k].leaf;
+        world.leaves[of] = leaf;
+    }
 }
 
 /// The same for whoever asks for no light: without an environment map, and without the sun's light through leaves.

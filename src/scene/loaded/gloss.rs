@@ -31,7 +31,7 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
         .flat_map(|p| {
             let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
             let seen = views.filter_map(|v| Some((v.eye_mm?.into(), branch::time(manifest, v))));
-            if p.ride.is_none() || !placed.moves().any() {
+            if p.ride.is_none() || !placed.moves().plants() {
                 vec![(p.transform, seen.map(|(eye, _)| eye).collect())]
             } else {
                 seen.map(|(eye, time)| (placed.at_time(p, time).transform, vec![eye])).collect()

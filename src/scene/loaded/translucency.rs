@@ -190,7 +190,7 @@ fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
             })
             .collect();
     }
-    let mut times: Vec<f64> = match placed.moves().any() {
+    let mut times: Vec<f64> = match placed.moves().plants() {
         true => manifest
             .views
             .iter()

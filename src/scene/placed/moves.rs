@@ -21,6 +21,11 @@ impl Moves<'_> {
         self.bends.is_some() || self.winds.is_some() || self.grass
     }
 
+    /// Whether branches or plants do, and with them leaves, wood and their shadows. A lawn that leans moves none of them.
+    pub fn plants(&self) -> bool {
+        self.bends.is_some() || self.winds.is_some()
+    }
+
     /// A placement as it is at a time (s).
     pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
         let transform = match (rest.ride, self.bends, self.winds) {

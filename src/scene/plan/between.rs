@@ -32,7 +32,7 @@ pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> std::result::Resu
         _ if !placed.free && manifest.sun.as_ref().is_some_and(|s| s.moves) => {
             Err("the sun may stand anywhere: shadow maps follow it")
         }
-        _ if placed.moves().any() => Err("branches bend, and shadows with them: shadow maps follow them"),
+        _ if placed.moves().plants() => Err("branches bend, and shadows with them: shadow maps follow them"),
         _ => Ok(()),
     }
 }
@@ -55,7 +55,7 @@ fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
 
 /// Whether no view ever shows a leaf: views alone decide that, where neither the camera may move nor what stands there.
 pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
-    let views_decide = !placed.free && !placed.moves().any();
+    let views_decide = !placed.free && !placed.moves().plants();
     views_decide && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
 }
 

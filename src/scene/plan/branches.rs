@@ -28,7 +28,7 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
     let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
     let of_plants = placed.winds.iter().flat_map(|w| w.plants.iter().flatten()).map(|p| p.limbs.0.len()).sum::<usize>();
     let bent = placed.bends.as_ref().map_or(0, |b| b.branches.len()) + of_plants;
-    if placed.moves().any() {
+    if placed.moves().plants() {
         let ms = ledger.entries().iter().find(|e| e.action == "fit" && e.what == "beam").map_or(0.0, |e| e.ms);
         let mut need = Need::new("beam fit", "branches bend: four coefficients each, from one fit of all tapers");
         need.amount = Some(format!("{} of {TERMS} numbers, {ms:.1} ms (measured)", bent));

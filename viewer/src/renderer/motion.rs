@@ -14,7 +14,8 @@ impl Renderer {
     /// How far what each pixel of the picture shows has moved since it was seen by `earlier` when the wind was
     /// `before`, in pixels to the right and down; row-major, row 0 on top. `None` where nothing is drawn. A point that
     /// was hidden or outside the earlier picture has a vector too. `scene` must be the one that was set, at the time
-    /// that was set last. Lawns and the sky have no vectors.
+    /// that was set last. The sky has no vectors, and what a lawn covers has that of what stands behind it. Vectors are
+    /// held as radiance is: in single precision, or in half precision where the adapter draws no better.
     ///
     /// # Errors
     /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, for a scanner, or where no
