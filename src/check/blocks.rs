@@ -43,15 +43,44 @@ mod tests {
         assert!((picture.width, picture.height) == (2, 2) && picture.ldr[1][0].abs_diff(220) <= 1, "{:?}", picture.ldr);
     }
 
-    /// Tests what the limits of data/grass/scenes are based on: grass green, and the same colour 46 % brighter.
+    /// Sunlit slices are off by so much in the worst of the elevations (root mean square over azimuths; docs/grass.md).
+    const STATED: f64 = 0.23;
+
+    /// The limits of the committed scenes of lawns beside what theory allows. Grass green that is brighter or darker by
+    /// twice what is stated is beyond them; by what is stated, it is within.
     #[test]
-    fn a_lawn_that_is_off_by_twice_its_stated_error_passes_no_limit_below_these() {
-        let even = |times: f32| vec![[0.09 * times, 0.16 * times, 0.035 * times, 1.0]; 160 * 160];
-        let of = |hdr: &[[f32; 4]]| picture(hdr, [160, 160], 20, 1.0);
-        let (right, bright) = (of(&even(1.0)), of(&even(1.46)));
-        let apart = mesophyll_transport::compare::compare(&right, &bright.ldr).unwrap();
-        println!("FLIP {}, largest error {:?}", apart.flip_p99, apart.max_error);
-        assert!((0.25..0.4).contains(&apart.flip_p99), "{}", apart.flip_p99);
-        assert!(apart.max_error.is_some_and(|e| (0.05..0.09).contains(&e)), "{:?}", apart.max_error);
+    fn a_lawn_that_is_off_by_twice_its_stated_error_is_beyond_the_committed_limits() {
+        const GREEN: [f64; 3] = [0.09, 0.16, 0.035];
+        let pixel = |times: f64| [0, 1, 2, 0].map(|c| (GREEN[c] * times) as f32);
+        let even = |times: f64| vec![pixel(times); 120 * 120];
+        let of = |times: f64| picture(&even(times), [120, 120], 10, 1.0);
+        let right = of(1.0);
+        let apart = |times: f64| {
+            let flip = mesophyll_transport::compare::compare(&right, &of(times).ldr).unwrap().flip_p99;
+            let changed = GREEN.map(|v| (tone::display(v * times, 1.0) - tone::display(v, 1.0)).abs());
+            let largest = changed.into_iter().fold(0.0, f64::max);
+            println!("{times} times: FLIP {flip:.4}, largest error {largest:.4}");
+            [flip, largest]
+        };
+        let (twice, once) =
+            ([1.0 + 2.0 * STATED, 1.0 - 2.0 * STATED].map(apart), [1.0 + STATED, 1.0 - STATED].map(apart));
+        let mut views = 0;
+        for name in ["lawn", "meadow", "post", "stone", "tree"] {
+            let path = format!("{}/../../data/grass/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+            for view in mesophyll_manifest::Manifest::read(path.as_ref()).unwrap().views {
+                let limits = [view.flip_p99, view.max_error].map(Option::unwrap);
+                for (k, what) in ["flip_p99", "max_error"].into_iter().enumerate() {
+                    let told = format!("{name}, {}: {what} = {}", view.name, limits[k]);
+                    // Slices do not shade the stone's foot, which has a limit of its own (docs/grass.md).
+                    assert!(
+                        limits[k] <= twice[0][k].min(twice[1][k]) || (name, what) == ("stone", "max_error"),
+                        "{told}"
+                    );
+                    assert!(limits[k] >= once[0][k].max(once[1][k]), "{told}");
+                }
+                views += 1;
+            }
+        }
+        assert_eq!(views, 9);
     }
 }

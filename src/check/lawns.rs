@@ -5,10 +5,10 @@
 //! The sun's light on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is as if it
 //! stood alone.
 
-use crate::{blocks, open, told};
+use crate::{blocks, told};
 use glam::{DVec3, Vec3};
 use mesophyll_error::{Error, Result};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::progress::{self, Bar};
 use mesophyll_manifest::Manifest;
 use mesophyll_optics::side::Side;
 use mesophyll_scene::draw::truth::{Sampling, Truth};
@@ -20,6 +20,7 @@ use mesophyll_transport::compare::compare;
 use mesophyll_transport::{self as transport, ReferencePicture};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A setting, how far its picture is from path-traced blades (99th percentile of FLIP; NaN where it was not drawn), and
@@ -75,7 +76,7 @@ impl Lawn {
         let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a lawn: {e}")))?;
         let write =
             |name: &str, text: String| mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes());
-        write("lawn.toml", LAWN.replace("per_m2 = 21000", &format!("per_m2 = {per_m2}")))?;
+        write("lawn.toml", meadow(per_m2)?)?;
         let lights = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 20000\n[sun]\nzenith_deg = 50\nazimuth_deg = 250\n\
                       irradiance = [10, 9.6, 9]\n[sky]\nradiance = [0.7, 0.85, 1.1]\n";
         let view = "[[view]]\nname = \"lawn\"\nkind = \"perspective\"\neye_mm = [0, -900, 400]\ntarget_mm = [0, 0, 0]\n\
@@ -142,6 +143,18 @@ impl Lawn {
     }
 }
 
+/// The description of the lawn, with another number of blades on a square metre.
+fn meadow(per_m2: f64) -> Result<String> {
+    let own = format!("\nper_m2 = {PER_M2}\n");
+    match LAWN.matches(&own).count() {
+        1 => Ok(LAWN.replace(&own, &format!("\nper_m2 = {per_m2}\n"))),
+        found => {
+            let told = format!("found {found} lines `{}`, expected one, which is changed", own.trim());
+            Err(Error::field(Path::new("data/grass/lawn.toml"), "per_m2", told))
+        }
+    }
+}
+
 /// An eye at an elevation (degrees) and a distance from the lawn's middle (mm), that sees `seen` mm of it from top to
 /// bottom.
 fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transport::Camera) {
@@ -179,12 +192,19 @@ impl Drawn {
     }
 }
 
-/// All rows, drawn in one run on one adapter, which the notes name.
+/// All rows, drawn in one run on one adapter, which the notes name; none without an adapter, which is said.
 ///
 /// # Errors
-/// [`Error::Missed`] without an adapter, and those of reading, drawing and of a stop.
+/// Those of opening the adapter, of reading, drawing and of a stop.
 pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
-    let mut renderer = open()?;
+    let mut renderer = match gpu::Renderer::headless(&gpu::Options::default()) {
+        Err(gpu::Error::NoAdapter) => {
+            progress::say("no graphics adapter: the rows of drawn lawns are left out");
+            bar.advance(PIECES);
+            return Ok(Vec::new());
+        }
+        other => other.map_err(told)?,
+    };
     let adapter = renderer.adapter().name.clone();
     let mut rows = Vec::new();
     let lawn = Lawn::new(PER_M2, 4)?;
@@ -269,4 +289,17 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
         bar.step()?;
     }
     Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_number_of_blades_is_changed() {
+        let thin = meadow(0.25 * PER_M2).unwrap();
+        let changed: Vec<_> = LAWN.lines().zip(thin.lines()).filter(|(a, b)| a != b).collect();
+        assert_eq!(changed, [("per_m2 = 21000", "per_m2 = 5250")]);
+        assert_eq!(meadow(PER_M2).unwrap(), LAWN);
+    }
 }

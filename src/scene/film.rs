@@ -134,6 +134,8 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     };
     claim_frames(&film, options)?;
 
+    // What the views see, and how large their pixels are, is that of the frames: a wide one may look down on a lawn.
+    (scene.manifest.check.width, scene.manifest.check.height) = (width, height);
     let mut drawn = handover::scene(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
     let camera = handover::camera(&view);

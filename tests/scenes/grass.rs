@@ -3,8 +3,9 @@
 use crate::common;
 use mesophyll::manifest::Manifest;
 use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::placed::{Placed, leaf::Search};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const UNIFORM: &str = "uniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], rho_t = [0.05, 0.1, 0.05] }";
 
@@ -72,5 +73,82 @@ fn mistakes_about_a_part_are_one_sentence() {
         assert_eq!(output.status.code(), Some(2), "{told}");
         assert!(told.contains(said) && told.lines().count() == 1, "{told}");
         assert_eq!(std::fs::read_dir(&out).map_or(0, Iterator::count), 0, "something was written");
+    }
+}
+
+/// A scene that is committed in data/grass/scenes.
+fn committed(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("data/grass/scenes/{name}.toml"))
+}
+
+#[test]
+fn the_committed_scenes_are_planned() {
+    for (name, wind) in [("lawn", false), ("meadow", true), ("post", false), ("stone", false), ("tree", true)] {
+        let manifest = Manifest::read(&committed(name)).unwrap();
+        let Scene { manifest, plan, .. } = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+        let grass = format!("grass {}", manifest.grass[0].name);
+        assert!(plan.needed.iter().any(|n| n.name == grass), "{name}");
+        let leans = format!("wind in {}", manifest.grass[0].name);
+        assert_eq!(plan.needed.iter().any(|n| n.name == leans), wind, "{name}");
+        assert_eq!(plan.left_out.iter().any(|n| n.name == leans), !wind, "{name}");
+    }
+}
+
+/// A committed scene is drawn small, with as many blocks: it is within its limits. Its own reference is beyond them where
+/// it is brighter or darker by twice what docs/grass.md says of sunlit slices (23 %).
+#[cfg(feature = "render")]
+#[test]
+fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {
+    use mesophyll::check::blocks;
+    use mesophyll::scene::draw::handover;
+    use mesophyll::scene::draw::truth::Truth;
+    use mesophyll::transport::compare::compare;
+    let mut manifest = Manifest::read(&committed("lawn")).unwrap();
+    let side = 4;
+    let few = manifest.views[0].blocks.unwrap() / side;
+    (manifest.check.width, manifest.check.height) = (manifest.check.width / few, manifest.check.height / few);
+    manifest.views.truncate(1);
+    manifest.views[0].blocks = Some(side);
+    let (size, view) = ([manifest.check.width, manifest.check.height].map(|n| n as usize), manifest.views[0].clone());
+    let ledger = Ledger::new();
+    let scene = Scene::open(manifest, Search::default(), &ledger).unwrap();
+    let world = mesophyll::scene::draw::reference::traced(&scene, 0.0, &ledger).unwrap();
+    let truth = Truth::new(&world, true).unwrap().view(&scene, &view, 1).unwrap();
+    let seen = |times: f32| {
+        let hdr: Vec<[f32; 4]> = truth.hdr.iter().map(|p| p.map(|v| v * times)).collect();
+        blocks::picture(&hdr, size, side as usize, scene.manifest.exposure)
+    };
+    for times in [1.46, 0.54] {
+        let apart = compare(&seen(1.0), &seen(times).ldr).unwrap();
+        println!("{times} times: FLIP {}, largest error {:?}", apart.flip_p99, apart.max_error);
+        assert!(apart.flip_p99 > view.flip_p99.unwrap() && apart.max_error > view.max_error, "{times} times");
+    }
+    let Some(mut renderer) = crate::grass_pass::renderer() else { return };
+    renderer.set_scene(&handover::scene(&scene, &ledger).unwrap()).unwrap();
+    let (w, h) = (scene.manifest.check.width, scene.manifest.check.height);
+    let drawn = renderer.render(&handover::camera(&view), w, h).unwrap();
+    let drawn = blocks::picture(&drawn.hdr, size, side as usize, scene.manifest.exposure);
+    let found = compare(&seen(1.0), &drawn.ldr).unwrap();
+    println!("drawn: FLIP {}, largest error {:?}", found.flip_p99, found.max_error);
+    assert!(found.flip_p99 <= view.flip_p99.unwrap() && found.max_error <= view.max_error);
+}
+
+#[test]
+fn too_few_blocks_are_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = scene(dir.path(), &format!("mesh = \"clover.toml\"\npart = \"clover\"\n{UNIFORM}"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    for (side, found) in [(0, "32 x 32"), (1, "32 x 32"), (4, ""), (5, "6 x 6"), (32, "1 x 1")] {
+        std::fs::write(&path, text.replace("fov_deg = 20\n", &format!("fov_deg = 20\nblocks = {side}\n"))).unwrap();
+        let read = Manifest::read(&path);
+        if found.is_empty() {
+            assert_eq!(read.unwrap().views[0].blocks, Some(side));
+            continue;
+        }
+        let told = read.unwrap_err().to_string();
+        let said = format!(
+            "view.blocks: found {side}, with which 32 x 32 pixels have {found} blocks; expected 2 pixels or more, and 8 x 8"
+        );
+        assert!(told.contains(&said) && told.lines().count() == 1, "{told}");
     }
 }

@@ -14,7 +14,6 @@ use mesophyll::scene::placed::leaf::Search;
 use mesophyll_viewer::scene::{Camera, Grass, GrassGusts, GrassSheet, Material, Mesh, Opaque, Scene as Drawn, Sun};
 use mesophyll_viewer::{Backend, Error, Options, Renderer};
 use std::f64::consts::{PI, TAU};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -184,16 +183,16 @@ pub fn even(sheet: &GrassSheet, opacity: f32) -> GrassSheet {
 
 #[test]
 fn the_pass_is_its_twin_in_double_precision() {
-    twins(Backend::Any, 0..7);
+    twins(Backend::Any, &[0, 1, 2, 3, 4, 5, 6]);
 }
 
 /// GL has other rules for numbers below 0 than Vulkan.
 #[test]
 fn the_pass_is_its_twin_on_gl() {
-    twins(Backend::Gl, 1..3);
+    twins(Backend::Gl, &[1, 2]);
 }
 
-fn twins(backend: Backend, which: Range<usize>) {
+fn twins(backend: Backend, which: &[usize]) {
     let dir = tempfile::tempdir().unwrap();
     beside_twins(backend, which, lawn(dir.path()), STILL);
 }
@@ -231,7 +230,8 @@ fn the_pass_in_the_wind_is_its_twin() {
     grass.gusts = Some(Arc::new(gusts.clone()));
     drawn.grass = vec![Arc::new(grass)];
     drawn.wind = Some(mesophyll_viewer::scene::Wind { size: 0, motion: Vec::new(), time_s: 1.7 });
-    beside_twins(Backend::Any, 0..7, (drawn.clone(), slices), &at);
+    // From above, across all slices, and from inside; the other cameras have the same code.
+    beside_twins(Backend::Any, &[0, 4, 6], (drawn.clone(), slices), &at);
     // Another time: the map has gone on, and no scene is set anew.
     let Some(mut renderer) = renderer() else { return };
     let camera = &cameras(Vec3::new(32.3, -16.1, 4.0), 50.0)[3];
@@ -247,7 +247,7 @@ fn the_pass_in_the_wind_is_its_twin() {
     assert!(before != after && after == renderer.render(camera, SIDE, SIDE).unwrap().hdr);
 }
 
-fn beside_twins(backend: Backend, which: Range<usize>, (mut drawn, slices): (Drawn, Slices), lean: Lean) {
+fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, Slices), lean: Lean) {
     let Some(mut renderer) = renderer_on(backend) else { return };
     let mut grass = drawn.grass[0].as_ref().clone();
     (grass.open, grass.soil_open, grass.scatter) = ([1.0; 17], 1.0, [0.0; 3]);
@@ -256,7 +256,8 @@ fn beside_twins(backend: Backend, which: Range<usize>, (mut drawn, slices): (Dra
     let cameras = cameras(middle, slices.height as f32);
     let sun = DVec3::new(0.5, -0.4, 0.7).normalize();
     let half = renderer.adapter().half_precision;
-    for (k, camera) in cameras.iter().enumerate().take(which.end).skip(which.start) {
+    for &k in which {
+        let camera = &cameras[k];
         // An even sky: what the two sides see of it above them.
         (drawn.sun, drawn.sky) = (None, Some([1.0; 3]));
         renderer.set_scene(&drawn).unwrap();
@@ -397,9 +398,10 @@ fn a_ray_that_is_cut_off_shows_the_colour_that_it_gathered() {
     assert!(filled > 500 && open > 500, "{filled} pixels are filled, {open} show the ground");
 }
 
-/// The same slices as polygons, sorted and blended: other geometry and another order of the sums, and the same picture. The
-/// targets have 16 bits, of which some twenty sums lose the last; where the middles of two polygons tell their order wrongly,
-/// a pixel differs.
+/// The same slices as polygons, sorted and blended: other geometry and another order of the sums, and the same picture.
+/// The targets have half floats, in which a sum is off by 2^-11 of it at most and by half of that in the mean. Some
+/// twenty sums a pixel, all off to one side, are off by 5e-3 in the mean and by 0.01 at most. A pixel that is off by
+/// twice that has polygons whose middles tell their order wrongly; theory does not say how many, and 2 % is a guard.
 #[test]
 fn billboards_show_what_rays_see() {
     let Some(mut renderer) = renderer() else { return };
@@ -407,7 +409,8 @@ fn billboards_show_what_rays_see() {
     let (mut drawn, slices) = lawn_of(dir.path(), &GRASS.replace("[401, 401]", "[5, 5]"));
     (drawn.msaa, drawn.sky) = (4, Some([1.0; 3]));
     drawn.sun = Some(Sun { direction: Vec3::new(0.5, -0.4, 0.7).normalize(), irradiance: [1.0; 3], radius: 0.0 });
-    for camera in &cameras(Vec3::new(32.3, -16.1, 4.0), slices.height as f32)[..6] {
+    let cameras = cameras(Vec3::new(32.3, -16.1, 4.0), slices.height as f32);
+    for camera in [&cameras[0], &cameras[1], &cameras[4]] {
         let mut show = |billboards: bool| {
             let grass = drawn.grass[0].as_ref().clone();
             drawn.grass = vec![Arc::new(Grass { billboards, ..grass })];

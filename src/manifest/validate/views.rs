@@ -4,6 +4,9 @@ use super::MOST_SECONDS;
 use super::place::Place;
 use crate::{Result, View, ViewKind};
 
+/// A mean over a large part of the picture hides what is wrong in it.
+const FEWEST_BLOCKS: u32 = 8;
+
 pub fn views(p: &Place) -> Result<()> {
     const HEADER: &str = "[[view]]";
     if p.manifest.views.is_empty() && p.manifest.periodic.is_none() {
@@ -48,8 +51,15 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
         limit.map_or(Ok(()), |limit| p.range(HEADER, i, key, limit, [0.0, 1.0], ""))?;
     }
     if let Some(side) = view.blocks {
-        let least = p.manifest.check.width.min(p.manifest.check.height);
-        p.range(HEADER, i, "blocks", f64::from(side), [2.0, f64::from(least)], "pixels")?;
+        let [w, h] = [p.manifest.check.width, p.manifest.check.height];
+        if side < 2 || w.min(h) / side < FEWEST_BLOCKS {
+            let [columns, rows] = [w, h].map(|n| n / side.max(1));
+            let told = format!(
+                "found {side}, with which {w} x {h} pixels have {columns} x {rows} blocks; expected 2 pixels or more, and \
+                 {FEWEST_BLOCKS} x {FEWEST_BLOCKS} blocks or more"
+            );
+            return Err(p.error(HEADER, i, "blocks", told));
+        }
         if view.kind != ViewKind::Perspective {
             return Err(p.error(HEADER, i, "blocks", "given, but only perspective views have them"));
         }

@@ -147,7 +147,7 @@ mod slices {
     const LITTLE: f64 = 0.05;
 
     /// Whether a view of the scene or its sun has rays to which the level slice gives more than a [`LITTLE`]: as steep as the
-    /// steepest of them, or less.
+    /// steepest of them, or less. Pictures have the shape that the manifest's check has.
     pub fn seen_from_above(grass: &Grass, slices: &Slices, manifest: &Manifest) -> bool {
         let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height);
         let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);

@@ -93,7 +93,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         let mut drawn = ledger.note("make", format!("{}: light in the lawn", lawn.name), 0, || {
             grass::lawn(lawn, &slices, soil, manifest.grass[lawn.index].steps)
         });
-        if !placed.free && !scene.plan.light.sun_moves && !grass::seen_from_above(lawn, &slices, manifest) {
+        if !placed.free && !manifest.sun_moves() && !grass::seen_from_above(lawn, &slices, manifest) {
             drawn.level = None;
         }
         out.grass.push(std::sync::Arc::new(drawn));

@@ -122,8 +122,10 @@ impl Leaning {
 mod tests {
     use super::*;
     use std::f64::consts::{PI, TAU};
+    use std::sync::LazyLock;
 
-    fn gusts() -> Arc<Gusts> {
+    /// One map for all tests: it takes seconds.
+    static GUSTS: LazyLock<Arc<Gusts>> = LazyLock::new(|| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
         let mut manifest = Manifest::read(&path).unwrap();
         manifest.wind =
@@ -132,14 +134,14 @@ mod tests {
         manifest.wind.as_mut().unwrap().speed_m_s = 0.0;
         assert!(Gusts::new(&manifest, 60.0, &Ledger::new()).unwrap().is_none());
         made
-    }
+    });
 
     /// What a blade feels over time has the spectrum of Eq. 4.15, along the wind and across it, by a discrete Fourier
     /// transform of segments. An isotropic texture has a deviation of .08 in log10 of its own, and 16 segments of 8 bins and
     /// more scatter by 9 % (.04) or less.
     #[test]
     fn a_blade_feels_the_wind_of_chapter_four() {
-        let gusts = gusts();
+        let gusts = &GUSTS;
         let (dt, segment) = (0.125 / gusts.motion.highest, 1024);
         let place = DVec2::new(310.0, -70.0);
         let felt: Vec<DVec2> = (0..16 * segment).map(|k| gusts.at(place, k as f64 * dt)).collect();
@@ -171,7 +173,7 @@ mod tests {
     /// A gust arrives later farther along the wind, and is what it was; the map is several lawns wide.
     #[test]
     fn gusts_move_with_the_wind() {
-        let gusts = gusts();
+        let gusts = &GUSTS;
         for (k, seconds) in [0.1, 1.7, 12.0].into_iter().enumerate() {
             let place = DVec2::new(100.0 * k as f64, 37.0);
             let on = gusts.at(place + 1e3 * seconds * gusts.wind.speed * gusts.way, 2.0 + seconds);
@@ -185,7 +187,7 @@ mod tests {
     /// A bent point is where the lawn that leans there has it, roots stay, and normals stay across the blade.
     #[test]
     fn blades_lean_as_the_field_says_where_they_are() {
-        let leaning = Leaning { gusts: gusts(), lean_per_m_s: 0.1 };
+        let leaning = Leaning { gusts: Arc::clone(&GUSTS), lean_per_m_s: 0.1 };
         for k in 0..50 {
             let point = DVec3::new(31.0 * f64::from(k), -17.0 * f64::from(k), 1.2 * f64::from(k));
             let (normal, along) = (DVec3::new(0.6, -0.48, 0.64), DVec3::new(0.8, 0.36, -0.48));

@@ -27,8 +27,13 @@ pub fn lawns(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()
             None => {
                 let options = grass.options(manifest);
                 let ([w, h], n) = (options.texels, options.slices);
-                need.amount =
-                    Some(format!("{n} slices across x and {n} across y of {w}x{h} texels, and a level one, made now"));
+                // Whether the level one is seen is known when the slices are there.
+                let kept = match placed.free || manifest.sun_moves() {
+                    true => "",
+                    false => " (handed over only where a view or the sun looks down on the lawn)",
+                };
+                let upright = format!("{n} slices across x and {n} across y of {w}x{h} texels");
+                need.amount = Some(format!("{upright}, and a level one{kept}, made now"));
                 need.bytes = Some(bytes(&options, grass.period) as u64);
             }
         }
