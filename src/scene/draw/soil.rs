@@ -205,7 +205,8 @@ mod tests {
             assert!((area - 7e5).abs() < 1e-6);
             let tiles = if whole { 16.0 * 11.0 } else { 7e5 / (one * one) };
             assert!((texture - tiles).abs() < 1e-6 * tiles, "{texture} {tiles}");
-            assert!(mesh.positions.iter().all(|p| p.x.abs() <= 500.0 && p.y.abs() <= 350.0 && p.z == -3.0));
+            let within = |p: &DVec3| p.x.abs() < 500.0 + 1e-9 && p.y.abs() < 350.0 + 1e-9 && p.z == -3.0;
+            assert!(mesh.positions.iter().all(within));
         }
     }
 }
