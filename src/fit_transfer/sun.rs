@@ -42,16 +42,28 @@ pub struct SunMaps {
     light: AreaLight,
 }
 
-/// Maps of a sun that moves freely, made by a thread of their own while the picture before is still shown.
+/// Maps of a sun that moves freely, made by a thread of their own while the picture before is still shown. The thread
+/// begins when the sun first moves.
 #[derive(Debug)]
 pub struct LiveSun {
-    /// Towards the sun of the map that is wanted next; the thread ends where nobody can ask any more.
-    ask: mpsc::Sender<DVec3>,
-    made: mpsc::Receiver<(DVec3, Vec<u8>)>,
+    world: Arc<World>,
+    receivers: Arc<Receivers>,
+    light: AreaLight,
+    thread: Thread,
     /// Asked for last.
     wanted: DVec3,
-    /// How many that were asked for have not come.
+    /// Whether the map of it has still to come.
     waiting: bool,
+}
+
+#[derive(Debug)]
+enum Thread {
+    NotYet,
+    /// Takes where the sun stands, and gives that place and its map, or why there are none; it ends where nobody can ask
+    /// any more.
+    Runs(mpsc::Sender<DVec3>, mpsc::Receiver<Result<(DVec3, Vec<u8>)>>),
+    /// No map can be made; that was said.
+    Failed,
 }
 
 impl Scene {
@@ -137,39 +149,78 @@ impl SunMaps {
 
 impl SunMaps {
     /// Makes maps for wherever the sun is moved to; `world` is the one whose maps these are, and `shown` where the sun
-    /// of the map stands that is drawn now.
+    /// of the map stands that is drawn now, with the very numbers that [`LiveSun::follow`] will be asked with.
     pub fn live(&self, world: Arc<World>, shown: DVec3) -> LiveSun {
-        let (ask, asked) = mpsc::channel::<DVec3>();
-        let (done, made) = mpsc::channel();
         let (receivers, light) = (self.receivers.clone(), self.light.clone());
-        std::thread::spawn(move || {
-            // A world that cannot be looked at has no maps either; the one that is drawn stays.
-            let Ok(shadows) = Shadows::new(&world, &receivers, &light) else { return };
-            while let Ok(mut direction) = asked.recv() {
-                // Where the sun went on in the meantime, only its last place counts.
-                while let Ok(later) = asked.try_recv() {
-                    direction = later;
-                }
-                if done.send((direction, shadows.map(direction))).is_err() {
-                    return;
-                }
-            }
-        });
-        LiveSun { ask, made, wanted: shown, waiting: false }
+        LiveSun { world, receivers, light, thread: Thread::NotYet, wanted: shown, waiting: false }
     }
 }
 
 impl LiveSun {
     /// Asks for the map of a sun in this direction, where it is another one, and gives the last map that has come since
     /// the call before: 255 times the share of the sun that every vertex sees, instance by instance.
-    pub fn follow(&mut self, towards_sun: DVec3) -> Option<Vec<u8>> {
-        if towards_sun != self.wanted {
-            self.wanted = towards_sun;
-            self.waiting = self.ask.send(towards_sun).is_ok();
+    ///
+    /// # Errors
+    /// Once, after which no map comes any more: [`Error::Input`] for a world that is not sound, [`Error::Missed`] for a
+    /// thread that ended by itself.
+    pub fn follow(&mut self, towards_sun: DVec3) -> Result<Option<Vec<u8>>> {
+        let found = self.ask(towards_sun);
+        if found.is_err() {
+            (self.thread, self.waiting) = (Thread::Failed, false);
         }
-        let (direction, map) = self.made.try_iter().last()?;
-        self.waiting &= direction != self.wanted;
-        Some(map)
+        found
+    }
+
+    fn ask(&mut self, towards_sun: DVec3) -> Result<Option<Vec<u8>>> {
+        let moved = towards_sun != self.wanted;
+        self.wanted = towards_sun;
+        if moved && matches!(self.thread, Thread::NotYet) {
+            self.thread = self.begin()?;
+        }
+        let Thread::Runs(ask, made) = &self.thread else { return Ok(None) };
+        if moved {
+            // Where the thread has ended, what it gave says so.
+            self.waiting = true;
+            let _ = ask.send(towards_sun);
+        }
+        let mut last = None;
+        loop {
+            match made.try_recv() {
+                Ok(found) => {
+                    let (direction, map) = found?;
+                    self.waiting &= direction != self.wanted;
+                    last = Some(map);
+                }
+                Err(mpsc::TryRecvError::Empty) => return Ok(last),
+                Err(mpsc::TryRecvError::Disconnected) => {
+                    let why = "the thread that finds the sun's shadows ended: they stay where they are";
+                    return Err(Error::Missed(why.into()));
+                }
+            }
+        }
+    }
+
+    fn begin(&self) -> Result<Thread> {
+        let (ask, asked) = mpsc::channel::<DVec3>();
+        let (done, made) = mpsc::channel();
+        let (world, receivers, light) = (self.world.clone(), self.receivers.clone(), self.light.clone());
+        let work = move || {
+            // Where the sun went on in the meantime, only its last place counts.
+            let places = std::iter::from_fn(|| asked.recv().ok().map(|first| asked.try_iter().last().unwrap_or(first)));
+            let follow = |shadows: Shadows| {
+                shadows.follow(places, |direction, map| {
+                    let nobody = |_| Error::Interrupted("nobody wants the maps any more".into());
+                    done.send(Ok((direction, map.to_vec()))).map_err(nobody)
+                })
+            };
+            if let Err(error) = Shadows::new(&world, &receivers, &light).and_then(follow) {
+                let _ = done.send(Err(error));
+            }
+        };
+        let named = std::thread::Builder::new().name("sun".into());
+        let failed = |e| Error::Missed(format!("no thread for the sun's shadows: {e}"));
+        named.spawn(work).map_err(failed)?;
+        Ok(Thread::Runs(ask, made))
     }
 
     /// Whether the map of the sun that was asked for last is still being made.

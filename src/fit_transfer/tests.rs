@@ -144,16 +144,16 @@ fn a_live_sun_has_the_map_of_its_last_place() {
     let read = Transfer::open(dir.path(), &scene, &options).unwrap().unwrap();
     let sun = read.sun.unwrap();
     let mut live = sun.live(read.world.clone(), at);
-    assert!(live.follow(at).is_none() && !live.is_waiting());
+    assert!(live.follow(at).unwrap().is_none() && !live.is_waiting());
     for k in 1..4 {
-        live.follow(DVec3::new(0.1 + 0.3 * f64::from(k), 0.2, 1.0));
+        live.follow(DVec3::new(0.1 + 0.3 * f64::from(k), 0.2, 1.0)).unwrap();
     }
     let last = DVec3::new(-0.9, 0.3, 0.8);
-    let mut found = live.follow(last);
+    let mut found = live.follow(last).unwrap();
     let begun = std::time::Instant::now();
     while live.is_waiting() && begun.elapsed().as_secs() < 60 {
         std::thread::sleep(std::time::Duration::from_millis(1));
-        found = live.follow(last).or(found);
+        found = live.follow(last).unwrap().or(found);
     }
     let light = AreaLight::disk(radius, 64).unwrap();
     let rays = Shadows::new(&read.world, &sun.receivers, &light).unwrap().by_rays(last);
@@ -163,4 +163,18 @@ fn a_live_sun_has_the_map_of_its_last_place() {
     let seen = |map: &[u8]| map.iter().filter(|v| **v > 128).count();
     assert!(seen(&found) > rays.len() / 3 && seen(&found) < rays.len() * 9 / 10, "{}", seen(&found));
     assert_ne!(found, sun.shares(at).unwrap());
+    // A world that is not sound has no maps: that is said once, and nothing is waited for.
+    let mut broken = World::clone(&read.world);
+    broken.instances[0].leaf = 7;
+    let told = broken.validate().unwrap_err().to_string();
+    let mut live = sun.live(Arc::new(broken), at);
+    assert!(live.follow(at).unwrap().is_none());
+    let mut said = live.follow(last);
+    let begun = std::time::Instant::now();
+    while live.is_waiting() && begun.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        said = live.follow(last);
+    }
+    assert_eq!(said.unwrap_err().to_string(), told);
+    assert!(live.follow(at).unwrap().is_none() && live.follow(last).unwrap().is_none() && !live.is_waiting());
 }

@@ -157,6 +157,10 @@ pub(crate) struct Candidates<'a, L> {
 ///
 /// By the same bounds a triangle whose edge functions and T are positive by more than their tolerances is met for sure,
 /// at an s of at most (T + 64 u (1+R) E²)/(D − 64 u E²).
+///
+/// `limit` is rounded up, at most to x (1 + 1e-6) + 1e-7 where x is the s of the limit on t (`Local::s`). What is sure to
+/// lie before the limit is compared with limit (1 − 32 u) − 8 u, which is less than x by at least 13 u x + 6 u, so that
+/// the tolerances are left to the rounding of T and D.
 #[inline(always)]
 pub(crate) fn candidates<'a, L: Lanes>(
     local: &Local<L>,
@@ -193,7 +197,8 @@ pub(crate) fn candidates<'a, L: Lanes>(
     let thin = det.at_most(unit);
     let lanes = inside & (thin | (ahead & near));
     let sure = lanes & !thin & tolerance.at_most(least) & slack.at_most(t);
-    let within = sure & t.add(slack_at_limit).at_most(at_limit);
+    let below = limit.mul(L::splat(1.0 - 32.0 * U)).sub(L::splat(8.0 * U));
+    let within = sure & t.add(slack_at_limit).at_most(below.mul(det));
     // Three roundings, and room for as many again.
     let farthest = t.add(slack).div(det.sub(unit)).mul(L::splat(1.0 + 8.0 * U));
     Some(Candidates { lanes, sure, within, farthest, ids: &lines[4].0[1] })

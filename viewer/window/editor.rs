@@ -95,10 +95,11 @@ pub trait Editor {
     }
 
     /// Follows the sun where vertices know their share of it ([`Scene::sun_shares`]): asks for the shares under a sun in
-    /// this direction and gives the last ones that are ready since the call before, and whether more will come.
-    fn shares(&mut self, sun: Vec3) -> (Option<Vec<u8>>, bool) {
+    /// this direction and gives the last ones that are ready since the call before, and whether more will come. An
+    /// error is given once.
+    fn shares(&mut self, sun: Vec3) -> Result<(Option<Vec<u8>>, bool), String> {
         let _ = sun;
-        (None, false)
+        Ok((None, false))
     }
 
     /// Saves an edit as a new fit and says where.

@@ -11,12 +11,24 @@ use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Where a scene is looked at from, and the angle of a pixel (rad).
+/// Where a scene is looked at from.
 pub struct Eye {
     /// mm.
     pub at: Vec3,
-    /// Of the middle of its pictures.
+    /// The least angle between neighbouring pixels of its pictures (rad).
     pub pixel: f32,
+}
+
+impl Eye {
+    /// For pictures of this size. θ off the axis a pixel is smaller than in the middle: across by cos θ because what is
+    /// seen there is farther away than it is deep, and once more away from the middle, where a ray meets the picture
+    /// obliquely; the corner is farthest off.
+    pub fn new(camera: &viewer::Camera, [width, height]: [u32; 2]) -> Eye {
+        let up = (0.5 * camera.fov_y_deg.to_radians()).tan();
+        let pixels = height.max(1) as f32;
+        let across = up * width as f32 / pixels;
+        Eye { at: camera.eye, pixel: 2.0 * up / pixels / (1.0 + up * up + across * across) }
+    }
 }
 
 /// As in `arrives.wgsl`: below so many pixels between two anchors coarser anchors count too.
@@ -136,6 +148,28 @@ pub fn mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
 mod tests {
     use super::*;
     use glam::Mat4;
+    use mesophyll_viewer::pick;
+
+    /// No two neighbouring pixels are nearer to each other than is said, and the nearest are no farther apart than a
+    /// step along the corner's edge is longer than one away from the middle.
+    #[test]
+    fn no_pixel_of_a_picture_is_smaller_than_is_said() {
+        let camera =
+            viewer::Camera { eye: Vec3::new(1.0, -5.0, 2.0), target: Vec3::ZERO, up: Vec3::Z, fov_y_deg: 70.0 };
+        for [width, height] in [[160, 90], [90, 160], [120, 120]] {
+            let ray = |x: u32, y: u32| {
+                let [x, y] = [(x, width), (y, height)].map(|(k, n)| (k as f32 + 0.5) / n as f32);
+                pick::ray(&camera, width as f32 / height as f32, x, y).1
+            };
+            let steps = (1..width).flat_map(|x| (1..height).map(move |y| (x, y)));
+            let angle = |(x, y)| (ray(x, y) - ray(x - 1, y)).length().min((ray(x, y) - ray(x, y - 1)).length());
+            let least = steps.map(angle).fold(f32::INFINITY, f32::min);
+            let (found, up) = (Eye::new(&camera, [width, height]).pixel, 35f32.to_radians().tan());
+            let most = up.max(up * width as f32 / height as f32).hypot(1.0);
+            // Single precision gives the angle to a few parts in 1e5.
+            assert!(found < 1.0001 * least && least < 1.02 * most * found, "{width}x{height}: {found} {least}");
+        }
+    }
 
     /// A leaf 60 mm long with five by three anchors: the coarser the level, the farther it has to be from every eye; an
     /// eye inside its ball, or none at all, keeps everything.

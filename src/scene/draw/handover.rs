@@ -110,14 +110,14 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(out)
 }
 
-/// Where the perspective views look from; none where the camera or what stands there may move.
+/// Where the perspective views look from; none where the camera or what stands there may move, nor where leaves fade:
+/// those are scenes of films, whose frames may be of any size.
 fn eyes(manifest: &Manifest, placed: &Placed) -> Vec<between::Eye> {
-    if placed.free || placed.moves().any() {
+    if placed.free || placed.moves().any() || manifest.fades() {
         return Vec::new();
     }
     let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(camera);
-    let pixel = |fov_deg: f32| 2.0 * (0.5 * fov_deg.to_radians()).tan() / manifest.check.height.max(1) as f32;
-    perspective.map(|c| between::Eye { at: c.eye, pixel: pixel(c.fov_y_deg) }).collect()
+    perspective.map(|c| between::Eye::new(&c, [manifest.check.width, manifest.check.height])).collect()
 }
 
 /// Whether the ground lies below everything that stands in the scene.

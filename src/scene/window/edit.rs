@@ -71,7 +71,9 @@ impl SceneEditor {
             fits.push(fitted);
         }
         let known = scene.transfer.as_ref().and_then(|t| Some((t.sun.as_ref()?, t.world.clone())));
-        let live = known.zip(daylight::sun_direction(&scene.manifest)).map(|((sun, world), at)| sun.live(world, at));
+        // As `shares` is asked for it: the renderer's suns have directions in single precision.
+        let at = daylight::sun_direction(&scene.manifest).map(|at| at.as_vec3().as_dvec3());
+        let live = known.zip(at).map(|((sun, world), at)| sun.live(world, at));
         Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None, live })
     }
 
@@ -220,10 +222,10 @@ impl Editor for SceneEditor {
         new().map_err(|e| e.to_string())
     }
 
-    fn shares(&mut self, sun: glam::Vec3) -> (Option<Vec<u8>>, bool) {
-        let Some(live) = &mut self.live else { return (None, false) };
-        let found = live.follow(sun.as_dvec3());
-        (found, live.is_waiting())
+    fn shares(&mut self, sun: glam::Vec3) -> std::result::Result<(Option<Vec<u8>>, bool), String> {
+        let Some(live) = &mut self.live else { return Ok((None, false)) };
+        let found = live.follow(sun.as_dvec3()).map_err(|e| e.to_string())?;
+        Ok((found, live.is_waiting()))
     }
 
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {

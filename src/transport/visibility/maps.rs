@@ -37,33 +37,39 @@ impl<'a> Shadows<'a> {
     /// [`crate::Error::Interrupted`] after Ctrl-C; those of `take`.
     pub fn maps(&self, directions: &[DVec3], mut take: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
         let bar = Bar::new("visibility", directions.len() as u64);
-        let mut casters = Casters::new(&self.stage, self.light);
-        let mut map = vec![0; self.receivers.len()];
-        for (k, direction) in directions.iter().enumerate() {
+        let mut done = 0;
+        self.follow(directions.iter().copied(), |_, map| {
             go_on()?;
-            if self.stage.world.periodic.is_some() {
-                // Where the scene repeats, light is followed from cell to cell.
-                map = self.by_rays(*direction);
-            } else {
-                casters.look_from(*direction);
-                self.by_casting(*direction, &casters, &mut map);
-            }
-            take(k, &map)?;
+            take(done, map)?;
+            done += 1;
             bar.advance(1);
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
-    /// The map of one direction, without a bar: for a light that moves freely, where it is affordable.
-    pub fn map(&self, direction: DVec3) -> Vec<u8> {
-        if self.stage.world.periodic.is_some() {
-            return self.by_rays(direction);
-        }
+    /// The map of each direction that the iterator gives, until it gives none, without a bar: for a light that moves
+    /// freely. `take` gets the direction and its map.
+    ///
+    /// # Errors
+    /// Those of `take`.
+    pub fn follow(
+        &self,
+        directions: impl Iterator<Item = DVec3>,
+        mut take: impl FnMut(DVec3, &[u8]) -> Result<()>,
+    ) -> Result<()> {
         let mut casters = Casters::new(&self.stage, self.light);
-        casters.look_from(direction);
         let mut map = vec![0; self.receivers.len()];
-        self.by_casting(direction, &casters, &mut map);
-        map
+        for direction in directions {
+            if self.stage.world.periodic.is_some() {
+                // Where the scene repeats, light is followed from cell to cell.
+                map = self.by_rays(direction);
+            } else {
+                casters.look_from(direction);
+                self.by_casting(direction, &casters, &mut map);
+            }
+            take(direction, &map)?;
+        }
+        Ok(())
     }
 
     fn by_casting(&self, direction: DVec3, casters: &Casters, map: &mut [u8]) {

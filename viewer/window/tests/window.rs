@@ -28,6 +28,8 @@ struct Asked {
     suns: Vec<Vec3>,
     /// What every vertex sees of the sun, as soon as the window asks.
     ready: Option<Vec<u8>>,
+    /// Why it cannot be known, said once.
+    no_shares: Option<String>,
 }
 
 struct Toy {
@@ -65,10 +67,11 @@ impl Editor for Toy {
         Ok(SkyUpdate { dome: even_dome(sun, turbidity), sun_irradiance: [turbidity; 3] })
     }
 
-    fn shares(&mut self, sun: Vec3) -> (Option<Vec<u8>>, bool) {
+    fn shares(&mut self, sun: Vec3) -> Result<(Option<Vec<u8>>, bool), String> {
         let mut asked = self.asked.borrow_mut();
         asked.suns.push(sun);
-        (asked.ready.take(), false)
+        asked.no_shares.take().map_or(Ok(()), Err)?;
+        Ok((asked.ready.take(), false))
     }
 
     fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {
@@ -210,6 +213,11 @@ fn a_moved_sun_gets_new_shares() {
     bench.frame(vec![]);
     assert!(bench.ui.scene().sun_shares.as_ref().unwrap().iter().all(|s| *s == 0));
     assert!(bench.brightness() < 0.5 * lit, "{} {lit}", bench.brightness());
+    // What cannot be known is said, and the shares stay.
+    bench.asked.borrow_mut().no_shares = Some("no shadows".into());
+    bench.frame(vec![]);
+    assert_eq!(bench.ui.message(), "no shadows");
+    assert!(bench.ui.scene().sun_shares.as_ref().unwrap().iter().all(|s| *s == 0));
 }
 
 fn bench() -> Option<Bench> {

@@ -112,10 +112,17 @@ impl ViewerUi {
     }
 
     /// Takes over what vertices see of the sun where it stands now, as soon as that is known; until then they keep what
-    /// they saw of it before. Whether more is to come.
+    /// they saw of it before; where that cannot be known, a message says so once. Whether another frame has to follow.
     pub(crate) fn follow_sun(&mut self) -> bool {
         let (Some(old), Some(sun)) = (&self.sun_shares, self.scene.sun) else { return false };
-        let (new, more) = self.editor.shares(sun.direction);
+        let (new, more) = match self.editor.shares(sun.direction) {
+            Ok(found) => found,
+            Err(reason) => {
+                self.message = reason;
+                // This frame's panel is made already.
+                return true;
+            }
+        };
         if let Some(new) = new.filter(|new| new.len() == old.len()) {
             self.sun_shares = Some(Arc::new(new));
             if !self.alone {

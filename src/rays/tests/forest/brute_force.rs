@@ -79,6 +79,33 @@ fn results_are_those_of_the_double_precision_test_at_any_scale() {
     assert!(hits * 3 > rays, "{hits} of {rays}");
 }
 
+/// A limit just before a hit leaves it out and one just behind it does not, whatever f32 makes of the limit: with all
+/// triangles solid, so that f32 alone may end the search, near and far, and for triangles of all sizes. A relative 1e-9
+/// is sixty times finer than f32, and far coarser than f64.
+#[test]
+fn a_limit_beside_a_hit_is_kept_to() {
+    let mut rng = seeded(11);
+    let mut hits = 0;
+    for size in [1.0, 1e-2, 1e-3] {
+        let mesh = soup(&mut rng, 120, 1.0, size);
+        let triangles = thirds(&mesh);
+        let forests =
+            levels(&Forest::new(vec![Shape::with_solid(&mesh, &numbered(&mesh), |_| true)], &[(0, DMat4::IDENTITY)]));
+        for k in 0..1200 {
+            let aim = triangles[k % 120].iter().sum::<DVec3>() / 3.0 + point(&mut rng, 0.2 * size);
+            let origin = aim + point(&mut rng, 10f64.powi(k as i32 % 5 - 2));
+            let ray = Ray::new(origin, (aim - origin) * 10f64.powi(rng.random_range(-3..3)));
+            let Some(first) = one_by_one(&triangles, &ray) else { continue };
+            hits += 1;
+            for forest in &forests {
+                assert!(forest.blocked_within(&ray, first.t * (1.0 + 1e-9), EVERY), "{k} {size}");
+                assert!(!forest.blocked_within(&ray, first.t * (1.0 - 1e-9), EVERY), "{k} {size}");
+            }
+        }
+    }
+    assert!(hits > 1500, "{hits}");
+}
+
 /// Where a caller accepts nothing, solid triangles are met all the same, and no others.
 #[test]
 fn solid_triangles_are_not_asked_for() {
