@@ -55,7 +55,7 @@ fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
 
 /// Whether no view ever shows a leaf: views alone decide that, where neither the camera may move nor what stands there.
 pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
-    let views_decide = !placed.free && !placed.moves().plants();
+    let views_decide = !placed.free && !placed.moves().any();
     views_decide && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
 }
 
