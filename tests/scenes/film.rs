@@ -141,7 +141,7 @@ fn a_film_knows_the_slices_of_its_lawn() {
     let draw = || film(folder.path(), &["--to", "0.1", "--fps", "10", "--size", "8x8"]);
     assert_eq!(draw().0, Some(0));
     assert_eq!(draw().0, Some(0));
-    let leaning = format!("{WIND}{}", lawn.replace("tiles =", "lean_per_m_s = 0.1\ntiles ="));
+    let leaning = format!("{WIND}{}", lawn.replace("tiles =", "lean_per_m_s = 0.01\ntiles ="));
     scene(folder.path(), &leaning);
     let (code, told) = film(folder.path(), &["--to", "0.1", "--fps", "10", "--size", "8x8", "--motion", "--force"]);
     assert!(code == Some(2) && told.contains("a lawn that leans in the wind"), "{told}");
