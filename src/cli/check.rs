@@ -67,6 +67,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, &out, search, &ledger)?;
     }
+    placed.out = Some(out.clone());
     let mut scene = Scene::new(manifest, placed, &ledger)?;
     scene.find_transfer(&out, &ledger)?;
     let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };

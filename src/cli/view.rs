@@ -58,6 +58,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         claim::file(file, &["png"], &[&args.scene])?;
     }
     placed.make_translucency(&manifest, &out, search, &ledger)?;
+    placed.out = Some(out.clone());
     let mut planned = Scene::new(manifest, placed, &ledger)?;
     planned.find_transfer(&out, &ledger)?;
     let manifest = &planned.manifest;

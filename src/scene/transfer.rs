@@ -11,13 +11,14 @@ use crate::plan::between::unseen;
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
+use mesophyll_manifest::Manifest;
 use mesophyll_record::maker::Outcome;
 use mesophyll_transport::transfer::Columns;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Bands of what a glossy leaf gets of a light that stands still: all that the renderer has.
-const GLOSS_BANDS: usize = 7;
+pub(crate) const GLOSS_BANDS: usize = 7;
 
 /// What the scene needs of its transfer; `None` where its plan has none.
 pub fn options(scene: &Scene) -> Option<Options> {
@@ -84,9 +85,9 @@ pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<O
 }
 
 /// Where a run's own transfer of a scene goes: a window's, whose light moves, beside that of a check.
-pub fn folder(scene: &Scene, out: &Path) -> PathBuf {
-    let bands = scene.plan.light.between.and_then(|b| b.bands).map_or(String::new(), |b| format!("-{b}-bands"));
-    out.join("fits").join(format!("{}-transfer{bands}", scene.manifest.name))
+pub fn folder(manifest: &Manifest, bands: Option<usize>, out: &Path) -> PathBuf {
+    let bands = bands.map_or(String::new(), |b| format!("-{b}-bands"));
+    out.join("fits").join(format!("{}-transfer{bands}", manifest.name))
 }
 
 impl Scene {
@@ -102,7 +103,7 @@ impl Scene {
         }
         let of = of(self, &options, ledger)?;
         let named = self.manifest.transfer.as_ref().and_then(|t| t.fit.as_ref()).map(|f| self.manifest.resolve(f));
-        let own = folder(self, out);
+        let own = folder(&self.manifest, self.plan.light.between.and_then(|b| b.bands), out);
         if let Some(place) = &named {
             self.transfer = Transfer::open(place, &of, &options)?;
             if self.transfer.is_none() {

@@ -202,3 +202,79 @@ fn a_transfer_that_is_too_large_is_refused_at_once() {
     assert!(said.contains(&needed), "{said} {needed}");
     assert_eq!(said.trim().lines().count(), 1, "{said}");
 }
+
+/// A transfer that is there is only read: the plan asks for no memory where its folder holds one.
+#[test]
+fn a_transfer_that_is_there_is_not_refused() {
+    let Some(there) = mesophyll::files::memory::available() else {
+        return skips::skip(skips::Need::System, "no /proc/meminfo");
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let count = there / (64 * 64 * 6 * 49 * 64) + 8;
+    // One leaf stands far beside the picture: it is not counted.
+    let rest = format!(
+        "[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\n\
+         radiance = [1, 1, 1]\n[cluster]\nleaves = [\"elm\"]\ncount = {count}\nlength_mm = 20\noffset_mm = 10\ndroop_deg \
+         = 0\nspread_deg = 0\nseed = 1\n"
+    );
+    let manifest = Manifest::read(&crowd(dir.path(), [0.2, 0.2], 0, &rest)).unwrap();
+    let out = dir.path().join("out");
+    let search = Search { out: Some(&out), ..Search::default() };
+    let told = Scene::open(manifest.clone(), search, &Ledger::new()).unwrap_err().to_string();
+    assert!(told.contains(&format!("anchors on each of {count} leaves")), "{told}");
+    let folder = mesophyll::scene::transfer::folder(&manifest, Some(7), &out);
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("fit.toml"), "").unwrap();
+    assert!(Scene::open(manifest, search, &Ledger::new()).is_ok());
+}
+
+/// The six clusters are read and planned as docs/light.md has them: 14 leaves with 270 anchors, operators, a map of the
+/// sun.
+#[test]
+fn the_clusters_of_six_species_are_planned() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/canopies/species");
+    let mut found = 0;
+    for file in std::fs::read_dir(folder).unwrap() {
+        let manifest = Manifest::read(&file.unwrap().path()).unwrap();
+        manifest.require_limits().unwrap();
+        let scene = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+        let between = scene.plan.light.between.unwrap();
+        assert_eq!((between.bands, between.sun_visibility), (Some(5), true));
+        assert_eq!(
+            scene.placed.placements.len() * scene.manifest.transfer.unwrap().anchors.iter().product::<usize>(),
+            3780
+        );
+        found += 1;
+    }
+    assert_eq!(found, 6);
+}
+
+/// The window asks for the sun's map with the direction that the renderer has, in single precision: a sun that was not
+/// moved needs no other map, and one that was gets one.
+#[cfg(feature = "render")]
+#[test]
+fn the_window_asks_for_no_map_before_its_sun_moves() {
+    use mesophyll::scene::draw::handover;
+    use mesophyll::scene::window::edit::SceneEditor;
+    use mesophyll_window::editor::Editor;
+    let dir = tempfile::tempdir().unwrap();
+    let light = "[sun]\nzenith_deg = 35\nazimuth_deg = -70\nirradiance = [2.0, 2.0, 2.0]\nradius_deg = 2\n[sky]\n\
+                 radiance = [0.1, 0.1, 0.1]\n[transfer]\npaths = 16\nbands = 1\nshadows = \"visibility\"\nedge_mm = 8\n";
+    let manifest = Manifest::read(&crowd(dir.path(), [0.3, 0.3], 3, light)).unwrap();
+    let ledger = Ledger::new();
+    let mut free = Scene::open(manifest, Search { free: true, ..Search::default() }, &ledger).unwrap();
+    free.find_transfer(&dir.path().join("out"), &ledger).unwrap();
+    let drawn = handover::scene(&free, &ledger).unwrap();
+    let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
+    let sun = drawn.sun.unwrap().direction;
+    assert_eq!(editor.shares(sun), Ok((None, false)));
+    let (mut map, mut more) = editor.shares(-sun).unwrap();
+    assert!(map.is_some() || more);
+    let begun = std::time::Instant::now();
+    while more && begun.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        let (new, still) = editor.shares(-sun).unwrap();
+        (map, more) = (new.or(map), still);
+    }
+    assert_eq!(map.map(|m| m.len()), drawn.sun_shares.map(|m| m.len()));
+}

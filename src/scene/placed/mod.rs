@@ -29,7 +29,7 @@ use mesophyll_manifest::{Ground, Manifest, ViewKind};
 use moves::Moves;
 use placement::{Placement, Ride};
 use plant::Wood;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winds::Winds;
 
@@ -56,6 +56,8 @@ pub struct Placed {
     pub winds: Option<Arc<Winds>>,
     /// For a window: camera, sun and sliders may go anywhere.
     pub free: bool,
+    /// A run's folder with fits of its own, that of light between leaves among them.
+    pub out: Option<PathBuf>,
 }
 
 impl Placed {
@@ -104,6 +106,7 @@ impl Placed {
             bends,
             winds,
             free: search.free,
+            out: search.out.map(Path::to_path_buf),
         })
     }
 

@@ -5,6 +5,7 @@ use crate::Result;
 use crate::placed::Placed;
 use crate::placed::daylight::sun_directions;
 use crate::placed::placement::Placement;
+use crate::transfer::{GLOSS_BANDS, folder};
 use glam::DVec3;
 use mesophyll_fit_transfer::BYTES_AN_ENTRY;
 use mesophyll_manifest::{Manifest, Shadows, Transfer, ViewKind};
@@ -53,9 +54,10 @@ fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
     })
 }
 
-/// Whether no view ever shows a leaf: views alone decide that, where neither the camera may move nor what stands there.
+/// Whether no view ever shows a leaf: views alone decide that, where neither the camera may move nor what stands there,
+/// and where no film is drawn, whose frames may be wider.
 pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
-    let views_decide = !placed.free && !placed.moves().any();
+    let views_decide = !placed.free && !placed.moves().any() && !manifest.fades();
     views_decide && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
 }
 
@@ -101,16 +103,18 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
     }
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
-    // Before any leaf is fitted for it.
-    let count = of(true, bands.unwrap_or(BANDS)) * bands.map_or(1, |b| b * b) as u64;
-    let what = format!(
-        "{}: transfer: {count} entries ({along} by {across} anchors on each of {} leaves, {})",
-        manifest.path.display(),
-        placed.placements.len(),
-        bands.map_or("one column".into(), |b| format!("{b} bands"))
-    );
-    mesophyll_files::memory::require(count.saturating_mul(BYTES_AN_ENTRY), &what)?;
     let beside = placed.placements.iter().filter(|p| unseen(manifest, placed, p)).count();
+    // What is there already is only read. Where it turns out to be of another scene, the fit asks for the memory.
+    if !may_be_there(manifest, placed, bands) {
+        let count = of(true, bands.unwrap_or(GLOSS_BANDS)) * bands.map_or(1, |b| b * b) as u64;
+        let what = format!(
+            "{}: transfer: {count} entries ({along} by {across} anchors on each of {} leaves, {})",
+            manifest.path.display(),
+            placed.placements.len() - beside,
+            bands.map_or("one column".into(), |b| format!("{b} bands"))
+        );
+        mesophyll_files::memory::require(count.saturating_mul(BYTES_AN_ENTRY), &what)?;
+    }
     if beside > 0 {
         let why = format!("no view shows {beside} of {} leaves: nothing arrives at them", placed.placements.len());
         let columns = bands.map_or(1, |b| b * b) as u64;
@@ -154,6 +158,13 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
         }
     }
     Ok(())
+}
+
+/// Whether a transfer lies where this scene's would be read from: the one that it names, or a run's own.
+fn may_be_there(manifest: &Manifest, placed: &Placed, bands: Option<usize>) -> bool {
+    let named = manifest.transfer.as_ref().and_then(|t| t.fit.as_ref()).map(|f| manifest.resolve(f));
+    let own = placed.out.as_ref().map(|out| folder(manifest, bands, out));
+    [named, own].into_iter().flatten().any(|place| place.join("fit.toml").is_file())
 }
 
 /// Where a placement's leaf is at most: centre and radius.
