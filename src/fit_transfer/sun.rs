@@ -145,9 +145,7 @@ impl SunMaps {
         self.maps.between(towards_sun, &mut out)?;
         Ok(out)
     }
-}
 
-impl SunMaps {
     /// Makes maps for wherever the sun is moved to; `world` is the one whose maps these are, and `shown` where the sun
     /// of the map stands that is drawn now, with the very numbers that [`LiveSun::follow`] will be asked with.
     pub fn live(&self, world: Arc<World>, shown: DVec3) -> LiveSun {

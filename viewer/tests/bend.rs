@@ -4,28 +4,8 @@ mod common;
 
 use common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Branch, Ride, Scene, Wind};
+use mesophyll_viewer::scene::{Ride, Scene, Wind};
 use mesophyll_viewer::{Picture, Renderer};
-
-/// A straight branch along x through the leaf, with a tip that would go by `amplitude` of its length.
-fn branch(amplitude: f32, gain: f32) -> Branch {
-    Branch {
-        root: Vec3::new(-12.0, 0.0, 0.0),
-        t: Vec3::X,
-        r: Vec3::Y,
-        s: Vec3::Z,
-        length: 24.0,
-        alpha: 1.0,
-        ln_alpha: 0.0,
-        ell: 1.0,
-        // A cantilever under an even load: x²(6 − 4x + x²)/3 of the tip.
-        a: [2.0, -4.0 / 3.0, 1.0 / 3.0, 0.0],
-        still: [0.0, amplitude],
-        gain,
-        start: [0.1, 0.2],
-        velocity: [0.05, 0.006],
-    }
-}
 
 fn wind(time_s: f64) -> Wind {
     let size = 32;
@@ -43,7 +23,7 @@ fn scene(amplitude: f32, gain: f32) -> Scene {
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.shadow_samples = 2;
-    scene.branches = vec![branch(amplitude, gain)];
+    scene.branches = vec![cantilever(amplitude, gain)];
     scene.instances[0].ride = Some(Ride { branch: 0, at: None });
     scene
 }

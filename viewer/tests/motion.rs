@@ -5,7 +5,7 @@ mod common;
 use common::*;
 use glam::{DQuat, DVec3, Quat, Vec3};
 use mesophyll_viewer::Renderer;
-use mesophyll_viewer::scene::{Branch, Camera, Carried, Ride, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{Camera, Carried, Ride, Scene, Section, Sections, Wind};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 48];
@@ -132,22 +132,7 @@ fn a_swaying_branch_has_the_vectors_of_its_vertices() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene_of(uniform_leaf());
     scene.meshes[0] = bent(10.0, 12, -0.01);
-    scene.branches = vec![Branch {
-        root: Vec3::new(-12.0, 0.0, 0.0),
-        t: Vec3::X,
-        r: Vec3::Y,
-        s: Vec3::Z,
-        length: 24.0,
-        alpha: 1.0,
-        ln_alpha: 0.0,
-        ell: 1.0,
-        // A cantilever under an even load: x²(6 − 4x + x²)/3 of the tip.
-        a: [2.0, -4.0 / 3.0, 1.0 / 3.0, 0.0],
-        still: [0.0, 0.1],
-        gain: 1.0,
-        start: [0.1, 0.2],
-        velocity: [0.05, 0.006],
-    }];
+    scene.branches = vec![cantilever(0.1, 1.0)];
     scene.instances[0].ride = Some(Ride { branch: 0, at: None });
     let wave = |k: u32| (std::f32::consts::TAU * k as f32 / 16.0).sin();
     let gusts = |time_s| Wind {

@@ -4,7 +4,7 @@
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_half};
 use crate::passes::bend::{self, Bending};
-use crate::passes::main::{blending, drawing, frame_layout, vertex_state};
+use crate::passes::main::{Drawing, drawing, frame_layout, vertex_state};
 use crate::passes::sky::pixel_rays;
 use crate::scene::{Camera, Dome, GRASS_STEPS, Grass, GrassSheet, GrassTable, Scene, Sun};
 use crate::shader::assemble;
@@ -252,13 +252,15 @@ fn pipeline(gpu: &Gpu, scene: &Scene, grass: &Grass, own: &wgpu::BindGroupLayout
         };
         let buffers = [Some(boards)];
         let vertex = vertex_state(&module, "board_vertex", &buffers);
-        let strip = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
-        return blending(gpu, "billboards", &layout, vertex, (&module, "board_fragment"), strip, scene.msaa);
+        let primitive = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
+        let (label, fragment, msaa) = ("billboards", (&module, "board_fragment"), scene.msaa);
+        return drawing(gpu, Drawing { label, layout: &layout, vertex, fragment, primitive, msaa, solid: false });
     }
     // Back faces: an eye in the grass sees them too.
-    let back = wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Front), ..Default::default() };
+    let primitive = wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Front), ..Default::default() };
     let vertex = vertex_state(&module, "grass_vertex", &[]);
-    drawing(gpu, "grass", &layout, vertex, (&module, "grass_fragment"), back, scene.msaa)
+    let (label, fragment, msaa) = ("grass", (&module, "grass_fragment"), scene.msaa);
+    drawing(gpu, Drawing { label, layout: &layout, vertex, fragment, primitive, msaa, solid: true })
 }
 
 /// All boards of a lawn, whose corners are those of the shader, as an eye sees them: the ground, then from the farthest to

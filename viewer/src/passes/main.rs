@@ -159,7 +159,11 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
         variant.anchored.is_some(),
     );
     let vertex = vertex_state(&module, "vertex", &buffers);
-    drawing(gpu, "main", &layout, vertex, (&module, "fragment"), Default::default(), variant.msaa)
+    let (fragment, primitive) = ((&module, "fragment"), Default::default());
+    drawing(
+        gpu,
+        Drawing { label: "main", layout: &layout, vertex, fragment, primitive, msaa: variant.msaa, solid: true },
+    )
 }
 
 /// A vertex stage without constants of its own.
@@ -171,45 +175,25 @@ pub(crate) fn vertex_state<'a>(
     wgpu::VertexState { module, entry_point: Some(entry), compilation_options: Default::default(), buffers }
 }
 
-/// A pipeline that draws what is opaque into the main pass's targets: the nearest is seen.
-pub(crate) fn drawing(
-    gpu: &Gpu,
-    label: &str,
-    layout: &wgpu::PipelineLayout,
-    vertex: wgpu::VertexState<'_>,
-    fragment: (&wgpu::ShaderModule, &str),
-    primitive: wgpu::PrimitiveState,
-    msaa: u32,
-) -> wgpu::RenderPipeline {
-    let target = gpu.hdr_format(msaa).into();
-    pipeline_into(gpu, label, layout, vertex, fragment, primitive, (msaa, target, true))
+/// A pipeline whose targets have the formats of the main pass.
+pub(crate) struct Drawing<'a> {
+    pub label: &'a str,
+    pub layout: &'a wgpu::PipelineLayout,
+    pub vertex: wgpu::VertexState<'a>,
+    /// The module and its entry point.
+    pub fragment: (&'a wgpu::ShaderModule, &'a str),
+    pub primitive: wgpu::PrimitiveState,
+    pub msaa: u32,
+    /// The nearest is seen and hides the rest. Otherwise colours are multiplied by their opacity and laid over what is
+    /// there, and no depth is written.
+    pub solid: bool,
 }
 
-/// The same for what lets light through: colours are multiplied by their opacity and laid over what is there, and no
-/// depth is written.
-pub(crate) fn blending(
-    gpu: &Gpu,
-    label: &str,
-    layout: &wgpu::PipelineLayout,
-    vertex: wgpu::VertexState<'_>,
-    fragment: (&wgpu::ShaderModule, &str),
-    primitive: wgpu::PrimitiveState,
-    msaa: u32,
-) -> wgpu::RenderPipeline {
-    let blend = Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+/// Makes the pipeline.
+pub(crate) fn drawing(gpu: &Gpu, drawn: Drawing<'_>) -> wgpu::RenderPipeline {
+    let Drawing { label, layout, vertex, fragment: (module, entry), primitive, msaa, solid } = drawn;
+    let blend = (!solid).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     let target = wgpu::ColorTargetState { blend, ..gpu.hdr_format(msaa).into() };
-    pipeline_into(gpu, label, layout, vertex, fragment, primitive, (msaa, target, false))
-}
-
-fn pipeline_into(
-    gpu: &Gpu,
-    label: &str,
-    layout: &wgpu::PipelineLayout,
-    vertex: wgpu::VertexState<'_>,
-    (module, entry): (&wgpu::ShaderModule, &str),
-    primitive: wgpu::PrimitiveState,
-    (msaa, target, solid): (u32, wgpu::ColorTargetState, bool),
-) -> wgpu::RenderPipeline {
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(label),
         layout: Some(layout),

@@ -5,8 +5,8 @@ use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass};
-use crate::passes::main::{DEPTH, Drawn};
-use crate::passes::shadow::{mask_group, mask_layout};
+use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
+use crate::passes::shadow::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Branch, Scene, Sections, Wind};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
@@ -81,7 +81,7 @@ impl MotionPass {
         sections: usize,
     ) -> wgpu::RenderPipeline {
         let defines = bend::defines_of_times(Defines::default(), &variant.bend, 2, sections).set("MASK", masked);
-        let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("motion.wgsl")), &defines);
+        let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("motion.wgsl")].concat(), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("motion"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -96,33 +96,10 @@ impl MotionPass {
             ],
             immediate_size: 0,
         });
-        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("motion"),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: Default::default(),
-                buffers: &vertex_layouts(false, false, masked, bends, false, false),
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment"),
-                compilation_options: Default::default(),
-                targets: &[Some(gpu.hdr_format(1).into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
+        let buffers = vertex_layouts(false, false, masked, bends, false, false);
+        let vertex = vertex_state(&module, "vertex", &buffers);
+        let (fragment, primitive) = ((&module, "fragment"), Default::default());
+        drawing(gpu, Drawing { label: "motion", layout: &layout, vertex, fragment, primitive, msaa: 1, solid: true })
     }
 
     /// Takes over the cameras, and the wind at the picture's time and at the earlier one.

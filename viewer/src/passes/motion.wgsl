@@ -8,27 +8,6 @@ struct Cameras {
 }
 
 @group(0) @binding(0) var<uniform> cameras: Cameras;
-//#if MASK
-@group(1) @binding(0) var mask: texture_2d<f32>;
-@group(1) @binding(1) var mask_sampler: sampler;
-//#endif
-
-struct Vertex {
-    @location(0) position: vec3f,
-    //#if MASK
-    @location(3) uv: vec2f,
-    //#endif
-    @location(4) world_x: vec4f,
-    @location(5) world_y: vec4f,
-    @location(6) world_z: vec4f,
-    //#if BEND
-    @location(7) ride: vec2f,
-    //#endif
-    //#if SECTIONS
-    @builtin(vertex_index) number: u32,
-    //#endif
-}
-
 struct Varying {
     @builtin(position) position: vec4f,
     // The same point in either camera's clip space. Both are linear over a triangle.
@@ -41,17 +20,11 @@ struct Varying {
 
 @vertex
 fn vertex(in: Vertex) -> Varying {
-    let p = vec4f(in.position, 1.0);
-    let rest = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
-    var now = rest;
-    var before = rest;
+    var now = at_rest(in);
+    var before = now;
     //#if BEND
-    var number = 0u;
-    //#if SECTIONS
-    number = in.number;
-    //#endif
-    now = bent_at(0u, in.ride, number, rest, vec3f(0.0), vec3f(0.0)).position;
-    before = bent_at(1u, in.ride, number, rest, vec3f(0.0), vec3f(0.0)).position;
+    now = stands_at(0u, in);
+    before = stands_at(1u, in);
     //#endif
     var out: Varying;
     out.position = cameras.now * vec4f(now, 1.0);
@@ -66,7 +39,7 @@ fn vertex(in: Vertex) -> Varying {
 @fragment
 fn fragment(in: Varying) -> @location(0) vec4f {
     //#if MASK
-    if (textureSampleLevel(mask, mask_sampler, in.uv, 0.0).r < 0.5) {
+    if (is_cut_off(in.uv)) {
         discard;
     }
     //#endif

@@ -14,6 +14,9 @@ use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3, Vec4};
 
+/// WGSL of a vertex and its mask, put between the bend and the own of a pass that draws outlines alone.
+pub(crate) const OUTLINE: &str = include_str!("outline.wgsl");
+
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Uniforms with a dynamic offset lie this far apart on every adapter.
 const STRIDE: usize = 256;
@@ -319,7 +322,7 @@ fn pipeline(
     variant: &Variant,
 ) -> wgpu::RenderPipeline {
     let defines = bend::defines(Defines::default(), &variant.bend).set("MASK", mask.is_some());
-    let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("shadow.wgsl")), &defines);
+    let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("shadow.wgsl")].concat(), &defines);
     let bend = bend::layout_of(gpu, variant);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("shadow"),

@@ -5,7 +5,9 @@
 pub mod skips;
 
 use glam::{Vec2, Vec3, Vec4};
-use mesophyll_viewer::scene::{Camera, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides, SlabCurve, Sun};
+use mesophyll_viewer::scene::{
+    Branch, Camera, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides, SlabCurve, Sun,
+};
 use mesophyll_viewer::{Error, Options, Renderer};
 
 pub const RHO_D: [f32; 3] = [0.08, 0.12, 0.05];
@@ -176,4 +178,25 @@ pub fn bent(half: f32, n: usize, bend: f32) -> Mesh {
         }
     }
     mesh
+}
+
+/// A straight branch of 24 mm along x through a leaf of [`square`] or [`bent`], with a tip that would go by `amplitude`
+/// of its length.
+pub fn cantilever(amplitude: f32, gain: f32) -> Branch {
+    Branch {
+        root: Vec3::new(-12.0, 0.0, 0.0),
+        t: Vec3::X,
+        r: Vec3::Y,
+        s: Vec3::Z,
+        length: 24.0,
+        alpha: 1.0,
+        ln_alpha: 0.0,
+        ell: 1.0,
+        // A cantilever under an even load: x²(6 − 4x + x²)/3 of the tip.
+        a: [2.0, -4.0 / 3.0, 1.0 / 3.0, 0.0],
+        still: [0.0, amplitude],
+        gain,
+        start: [0.1, 0.2],
+        velocity: [0.05, 0.006],
+    }
 }

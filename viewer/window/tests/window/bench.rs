@@ -1,0 +1,219 @@
+//! A window without a display, moved by synthetic pointer events, and the editor behind it.
+
+use crate::common::*;
+use glam::{Mat4, Vec3};
+use mesophyll_viewer::scene::{Camera, Dome, Instance, Interior, Material, Scene, Side, Sides};
+use mesophyll_viewer::{Error, Options, Picture};
+use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
+use mesophyll_window::{Stage, ViewerUi, WindowScene, WindowView};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+pub const PIXELS: [u32; 2] = [1100, 720];
+
+/// What the window asked of its editor.
+#[derive(Default)]
+pub struct Asked {
+    pub recomputed: Vec<(usize, LeafEdit)>,
+    pub saved: Vec<LeafEdit>,
+    pub skies: Vec<(Vec3, f32)>,
+    pub checked: usize,
+    /// Where the sun stood, each time that the window asked for shares of it.
+    pub suns: Vec<Vec3>,
+    /// What every vertex sees of the sun, as soon as the window asks.
+    pub ready: Option<Vec<u8>>,
+    /// Why it cannot be known, said once.
+    pub no_shares: Option<String>,
+}
+
+pub struct Toy {
+    pub asked: Rc<RefCell<Asked>>,
+}
+
+impl Editor for Toy {
+    fn start(&self, _: usize) -> LeafEdit {
+        let side = SideEdit { sigma_a: [1.0, 0.5, 2.0], sigma_s: [10.0; 3], rho_s_scale: 1.0, m_scale: 1.0 };
+        LeafEdit { thickness_mm: 0.2, sides: Sides::of(|_| side) }
+    }
+
+    fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
+        if edit.sides.front.sigma_s[0] > 200.0 {
+            return Err("σs above 200/mm is refused here".into());
+        }
+        self.asked.borrow_mut().recomputed.push((leaf, *edit));
+        // Thicker and darker pigment: less comes through. Any rule will do that the test can see in the picture.
+        let dim = |c: [f32; 3]| c.map(|v| v * (-(edit.thickness_mm - 0.2) * 4.0).exp());
+        let at = edit.thickness_mm;
+        Ok(LeafUpdate {
+            thickness_mm: at,
+            sides: Sides {
+                front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
+                back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
+            },
+        })
+    }
+
+    fn sky(&mut self, sun: Vec3, turbidity: f32) -> Result<SkyUpdate, String> {
+        if turbidity > 9.0 {
+            return Err("turbidity above 9 is refused here".into());
+        }
+        self.asked.borrow_mut().skies.push((sun, turbidity));
+        Ok(SkyUpdate { dome: even_dome(sun, turbidity), sun_irradiance: [turbidity; 3] })
+    }
+
+    fn shares(&mut self, sun: Vec3) -> Result<(Option<Vec<u8>>, bool), String> {
+        let mut asked = self.asked.borrow_mut();
+        asked.suns.push(sun);
+        asked.no_shares.take().map_or(Ok(()), Err)?;
+        Ok((asked.ready.take(), false))
+    }
+
+    fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {
+        self.asked.borrow_mut().saved.push(*edit);
+        Ok("fits/edited".into())
+    }
+
+    fn reference(&mut self, _: &Scene, _: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String> {
+        self.asked.borrow_mut().checked += 1;
+        Ok(ReferencePicture { width, height, ldr: vec![[0; 4]; (width * height) as usize] })
+    }
+
+    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
+        let worst = picture.ldr.iter().zip(&reference.ldr).map(|(a, b)| a[1].abs_diff(b[1])).max().unwrap_or(0);
+        let measure =
+            Measure { name: "largest error inside leaves".into(), value: f64::from(worst) / 255.0, threshold: 0.02 };
+        Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note: String::new() }
+    }
+
+    fn probe(&self, _: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
+        vec![("side".into(), side.to_string()), ("column".into(), texel[0].to_string())]
+    }
+}
+
+pub struct Bench {
+    pub stage: Stage,
+    pub ui: ViewerUi,
+    pub asked: Rc<RefCell<Asked>>,
+    pub time: f64,
+}
+
+/// Two bent leaves side by side, and what their window asks for.
+pub fn two_leaves() -> (WindowScene, Toy) {
+    let mut leaf = uniform_leaf();
+    leaf.sides.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
+    let mut scene = on_mesh(bent(10.0, 12, -0.02), leaf.clone());
+    leaf.name = "other".into();
+    scene.materials.push(Material::Leaf(leaf));
+    scene.instances.push(Instance {
+        mesh: 0,
+        material: 1,
+        transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)),
+        ..Instance::default()
+    });
+    scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
+    scene.sky = Some([0.4, 0.5, 0.6]);
+    scene.background = [0.02; 3];
+    scene.shadow_samples = 2;
+    let camera = Camera { fov_y_deg: 50.0, ..camera(Vec3::new(0.3, -0.5, 1.0), 80.0) };
+    let window = WindowScene {
+        title: "bench".into(),
+        scene,
+        camera,
+        views: vec![WindowView { name: "front".into(), camera, time_s: None }],
+        check_size: [64, 48],
+        screenshots: std::env::temp_dir(),
+    };
+    (window, Toy { asked: Default::default() })
+}
+
+/// A sky that is the brighter the hazier it is: any rule will do that the test can see in the picture.
+pub fn even_dome(sun: Vec3, turbidity: f32) -> Dome {
+    let l = 0.1 * turbidity;
+    Dome {
+        harmonics: vec![[l * (4.0 * std::f32::consts::PI).sqrt(); 3]],
+        perez: [[0.0; 5]; 3],
+        scale: [l, 3.0 * l, l],
+        ground: None,
+        sun,
+        strength: 1.0,
+        turbidity,
+    }
+}
+
+pub fn bench() -> Option<Bench> {
+    bench_on(two_leaves())
+}
+
+pub fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
+    let stage = match Stage::headless(&Options::default()) {
+        Ok(stage) => stage,
+        Err(Error::NoAdapter) => {
+            skips::skip(skips::Need::Adapter, "no graphics adapter");
+            return None;
+        }
+        Err(other) => panic!("{other}"),
+    };
+    let asked = toy.asked.clone();
+    let ui = ViewerUi::new(window, Box::new(toy), stage.renderer().adapter());
+    let mut bench = Bench { stage, ui, asked, time: 0.0 };
+    // Twice: egui settles its layout in the first.
+    bench.frame(vec![]);
+    bench.frame(vec![]);
+    Some(bench)
+}
+
+impl Bench {
+    pub fn frame(&mut self, events: Vec<egui::Event>) {
+        self.time += 0.05;
+        let size = egui::vec2(PIXELS[0] as f32, PIXELS[1] as f32);
+        let input = egui::RawInput {
+            screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
+            time: Some(self.time),
+            focused: true,
+            events,
+            ..Default::default()
+        };
+        self.stage.frame(&mut self.ui, input, PIXELS).expect("frame");
+    }
+
+    pub fn pixels(&self) -> Vec<[u8; 4]> {
+        self.stage.pixels().expect("pixels").2
+    }
+
+    pub fn place(&self, name: &str) -> egui::Pos2 {
+        self.ui.landmark_rect(name).unwrap_or_else(|| panic!("no control named {name}")).center()
+    }
+
+    pub fn button(pos: egui::Pos2, pressed: bool) -> egui::Event {
+        egui::Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed, modifiers: Default::default() }
+    }
+
+    pub fn drag(&mut self, from: egui::Pos2, by: egui::Vec2) {
+        self.frame(vec![egui::Event::PointerMoved(from)]);
+        self.frame(vec![Self::button(from, true)]);
+        self.frame(vec![egui::Event::PointerMoved(from + by)]);
+        self.frame(vec![Self::button(from + by, false)]);
+        self.frame(vec![]);
+    }
+
+    pub fn click(&mut self, name: &str) {
+        let at = self.place(name);
+        self.frame(vec![egui::Event::PointerMoved(at)]);
+        self.frame(vec![Self::button(at, true)]);
+        self.frame(vec![Self::button(at, false)]);
+        self.frame(vec![]);
+    }
+
+    /// Mean green value within the picture.
+    pub fn brightness(&self) -> f64 {
+        let rect = self.ui.landmark_rect("picture").expect("picture");
+        let all = self.pixels();
+        let mut sum = 0.0;
+        for y in rect.top() as usize..rect.bottom() as usize {
+            for x in rect.left() as usize..rect.right() as usize {
+                sum += f64::from(all[y * PIXELS[0] as usize + x][1]);
+            }
+        }
+        sum / f64::from(rect.area())
+    }
+}

@@ -1,0 +1,95 @@
+//! Edits of leaves: what the editor hears of them, and what the picture shows.
+
+use crate::bench::{bench, bench_on, two_leaves};
+use crate::common::*;
+use glam::Vec3;
+use mesophyll_viewer::scene::{Basis, Coefficients, Interior, Translucency};
+
+#[test]
+fn a_thicker_leaf_goes_through_the_editor_and_dims() {
+    let Some(mut bench) = bench() else { return };
+    let before = bench.brightness();
+    let fitted = bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior.clone();
+    let slider = bench.ui.landmark_rect("thickness").expect("slider");
+    // The rail takes the slider's left part.
+    let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
+    bench.drag(handle, egui::vec2(35.0, 0.0));
+    let edit = bench.ui.edit(0);
+    assert!(edit.thickness_mm > 0.21, "h {}", edit.thickness_mm);
+    assert_eq!(bench.asked.borrow().recomputed.last(), Some(&(0, edit)), "the editor hears of the edit as it stands");
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, edit.thickness_mm);
+    assert!(bench.brightness() < before - 0.2, "{} against {before}", bench.brightness());
+    bench.click("save");
+    assert_eq!(bench.asked.borrow().saved, [edit]);
+    assert!(bench.ui.message().contains("fits/edited"));
+    bench.click("reset");
+    assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
+    let (Interior::Scalars(a), Interior::Scalars(b)) =
+        (&fitted, &bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior)
+    else {
+        panic!()
+    };
+    assert!(a == b && bench.brightness() == before, "as fitted, bit for bit");
+}
+
+#[test]
+fn gloss_factors_scale_the_fitted_maps() {
+    let Some(mut bench) = bench() else { return };
+    let mut edit = bench.ui.edit(0);
+    edit.sides.front.rho_s_scale = 2.0;
+    edit.sides.front.m_scale = 0.5;
+    bench.ui.set_edit(0, edit);
+    bench.ui.set_edit(0, edit);
+    let gloss = bench.ui.scene().leaf(0).expect("a leaf").sides.front.gloss.clone().expect("gloss");
+    assert!((gloss[0][0] - 0.1).abs() < 1e-6 && (gloss[0][3] - 0.15).abs() < 1e-6, "applied once: {:?}", gloss[0]);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.gloss, None);
+}
+
+#[test]
+fn translucency_maps_are_taken_off_and_put_back() {
+    let (mut window, toy) = two_leaves();
+    window.scene.sun = Some(sun(Vec3::new(-0.4, 0.3, -1.0)));
+    // A tenth of a flat leaf's light: what shows must be seen to change.
+    let coefficients = Coefficients::Factor(vec![[0.0836; 3]; 64]);
+    let maps = Translucency { basis: Basis::Bent, coefficients };
+    leaf(&mut window.scene, 0).sides.back.translucency = Some(maps.clone());
+    let Some(mut bench) = bench_on((window, toy)) else { return };
+    let (dim, dimmed) = (bench.brightness(), bench.pixels());
+    bench.click("translucency");
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, None);
+    // How much of the picture the leaf takes depends on the window: what changed is what is judged.
+    let brighter =
+        dimmed.iter().zip(bench.pixels()).map(|(a, b)| f64::from(b[1]) - f64::from(a[1])).filter(|d| *d > 2.0);
+    let (count, sum) = brighter.fold((0, 0.0), |(n, s), d| (n + 1, s + d));
+    assert!(count > 300 && sum > 10.0 * f64::from(count), "{count} pixels brighter by {sum}");
+    if let Ok(folder) = std::env::var("MESOPHYLL_PICTURES") {
+        bench.stage.save_png(&std::path::Path::new(&folder).join("without-maps.png")).expect("png");
+    }
+    // Taken off twice is put back once; an edit in between leaves them alone.
+    bench.ui.show_translucency(0, false);
+    let edit = bench.ui.edit(0);
+    bench.ui.set_edit(0, edit);
+    bench.frame(vec![]);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, None);
+    bench.ui.reset(0);
+    bench.click("translucency");
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, Some(maps));
+    assert_eq!(bench.brightness(), dim, "as it was");
+    // A window whose leaves have none has no such control; and nothing to put back.
+    let Some(mut plain) = bench_on(two_leaves()) else { return };
+    assert_eq!(plain.ui.landmark_rect("translucency"), None);
+    plain.ui.show_translucency(0, true);
+    plain.ui.show_translucency(0, false);
+    plain.frame(vec![]);
+    assert_eq!(plain.ui.landmark_rect("translucency"), None);
+}
+
+#[test]
+fn a_refused_edit_is_said_and_undone() {
+    let Some(mut bench) = bench() else { return };
+    let mut edit = bench.ui.edit(0);
+    edit.sides.front.sigma_s[0] = 250.0;
+    bench.ui.set_edit(0, edit);
+    assert!(bench.ui.message().contains("refused here"));
+    assert_eq!(bench.ui.edit(0).sides.front.sigma_s[0], 10.0);
+}
