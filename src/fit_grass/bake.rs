@@ -1,4 +1,4 @@
-//! Pictures of slabs of blades, taken along their normals by rays.
+//! Pictures of slabs of blades. Rays along a slab's normal take them.
 
 use crate::blades::Meadow;
 use crate::sheet::{CHANNELS, Texel};
@@ -6,20 +6,20 @@ use glam::DVec3;
 use mesophyll_rays::Ray;
 use rayon::prelude::*;
 
-/// A slab of blades that a slice stands for.
+/// The slab of blades that a slice represents.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Slab {
-    /// Across x: the slab of this number, of so many.
+    /// A slab across x: its number, and how many slabs there are.
     X(usize, usize),
-    /// Across y.
+    /// A slab across y, with the same two numbers.
     Y(usize, usize),
-    /// All of the layer, from above.
+    /// The whole layer, seen from above.
     Z,
 }
 
 impl Slab {
-    /// Where a ray through the slab begins, its direction and its length; `u` is the share along the slice, `v` of its
-    /// height.
+    /// The ray through the slab at the share `u` of the slice's length and the share `v` of its height, and the length
+    /// of the ray.
     fn ray(self, meadow: &Meadow, u: f64, v: f64) -> (Ray, f64) {
         let [lx, ly] = meadow.period;
         let (x, y, z) = ((u - 0.5) * lx, (u - 0.5) * ly, v * meadow.height);
@@ -36,7 +36,7 @@ impl Slab {
         }
     }
 
-    /// Its picture of `cell` texels, the top row first; `rays` by `rays` a texel.
+    /// The slab's picture of `cell` texels, the top row first, with `rays` × `rays` rays for each texel.
     pub fn picture(self, meadow: &Meadow, cell: [usize; 2], rays: usize) -> Vec<Texel> {
         let [w, h] = cell;
         let share = |k: usize, i: usize, n: usize| (k as f64 + (i as f64 + 0.5) / rays as f64) / n as f64;
@@ -45,7 +45,7 @@ impl Slab {
             let mut sum = [0.0; CHANNELS];
             for i in 0..rays * rays {
                 let (ray, length) = self.ray(meadow, share(x, i % rays, w), 1.0 - share(y, i / rays, h));
-                // The ground hides what hangs below it.
+                // The ground hides the parts of blades that hang below it.
                 let Some(met) = meadow.nearest(&ray, length) else { continue };
                 let normal = met.normal.to_array();
                 let values = [1.0].into_iter().chain(met.rho_d.into_iter().flatten()).chain(met.rho_t).chain(normal);

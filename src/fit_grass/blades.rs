@@ -1,4 +1,4 @@
-//! The blades that slices stand for: a rectangle that repeats without end, met by rays.
+//! The blades that slices represent. They stand on a rectangle that repeats without end, and rays can hit them.
 
 use crate::optics::{Leaves, Optics};
 use crate::{Error, Result};
@@ -8,35 +8,35 @@ use mesophyll_rays::{Forest, Ray, Shape};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// No meadow has more blades than this once those that hang over an edge are there on both sides.
+/// The largest number of blades of a meadow. Blades that hang over an edge count on both sides of the rectangle.
 const MOST: usize = 2_000_000;
-/// [`Meadow::projection`] is known at so many steps of |Ω_z| from 0 to 1.
+/// Number of steps of |Ω_z| from 0 to 1 in [`Meadow::projection`].
 pub const STEPS: usize = 16;
-/// Azimuths that it is a mean over.
+/// Number of azimuths that the projection is averaged over.
 const AZIMUTHS: usize = 32;
 
-/// Blades on a rectangle that repeats. Lengths are in mm, z is up, the ground is z = 0.
+/// Blades on a rectangle that repeats. Lengths are in mm; z is up and the ground is at z = 0.
 #[derive(Debug, Clone)]
 pub struct Meadow {
-    /// What it is called.
+    /// Name of the meadow.
     pub name: String,
-    /// The rectangle, around the origin.
+    /// Width and depth of the rectangle, whose middle is the origin.
     pub period: [f64; 2],
-    /// Of the highest tip.
+    /// Height of the highest tip.
     pub height: f64,
     /// Area of all blades (one side) over the area of the ground.
     pub leaf_area_index: f64,
-    /// Mean of |n·Ω| over the area of all blades and over azimuth, at |Ω_z| = k/[`STEPS`]: how much of its area a
-    /// blade shows.
+    /// The share of its area that a blade shows to a direction Ω with |Ω_z| = k/[`STEPS`]: the mean of |n·Ω| over the
+    /// area of all blades and over azimuth.
     pub projection: [f64; STEPS + 1],
-    /// Blades of the rectangle.
+    /// Number of blades on the rectangle.
     pub blades: usize,
     forest: Forest,
     shapes: Vec<Shown>,
     placed: Vec<Placed>,
 }
 
-/// A shape as rays see it.
+/// A shape of a blade, as rays see it.
 #[derive(Debug, Clone)]
 struct Shown {
     corners: Vec<[u32; 3]>,
@@ -51,16 +51,16 @@ struct Placed {
     turn: DMat3,
 }
 
-/// Where a ray meets a blade.
+/// The point where a ray hits a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Met {
-    /// Distance in lengths of the ray's direction.
+    /// Distance from the origin of the ray, in lengths of its direction.
     pub t: f64,
-    /// Unit, on the side that the ray comes from.
+    /// Unit normal, on the side that the ray comes from.
     pub normal: DVec3,
-    /// Reflected by the side that the ray comes from, and by the other one.
+    /// Diffuse reflectance of the side that the ray comes from, then of the other side.
     pub rho_d: [[f64; 3]; 2],
-    /// Let through.
+    /// Diffuse transmittance.
     pub rho_t: [f64; 3],
 }
 
@@ -103,7 +103,7 @@ impl Meadow {
             let (low, high) = points.iter().fold((points[0], points[0]), |(l, h), p| (l.min(*p), h.max(*p)));
             height = height.max(high.z);
             let turn = DMat3::from_mat4(leaf.transform);
-            // Copies beside, whose blades hang over the edge into this rectangle.
+            // Copies of blades in the neighbouring rectangles that hang over the edge into this one.
             let range = |k: usize| {
                 let half = 0.5 * period[k];
                 ((low[k] - half) / period[k]).ceil() as i64..=((high[k] + half) / period[k]).floor() as i64
@@ -145,7 +145,7 @@ impl Meadow {
             let shape = &self.shapes[placed.shape];
             let corners = shape.corners[hit.triangle].map(|k| k as usize);
             let [a, b, c] = corners.map(|k| shape.positions[k]);
-            // All blades are turned and scaled alike along all axes: normals turn as the blade does.
+            // A blade is scaled by the same factor along all axes, so its normals turn as the blade does.
             let facet = (placed.turn * (b - a)).cross(placed.turn * (c - a));
             let [v, w] = hit.barycentric;
             let [na, nb, nc] = corners.map(|k| shape.normals[k]);
@@ -168,8 +168,8 @@ impl Meadow {
         self.pieces(ray, limit, met).is_some()
     }
 
-    /// Follows a ray from rectangle to rectangle: `met` takes the ray as the one rectangle sees it, where its piece
-    /// begins and how long it is (in lengths of the direction).
+    /// Follows a ray from rectangle to rectangle. `met` gets the ray relative to the one rectangle, and the beginning
+    /// and the length of its piece there, in lengths of the direction.
     fn pieces<T>(&self, ray: &Ray, limit: f64, met: impl Fn(&Ray, f64, f64) -> Option<T>) -> Option<T> {
         let mut from = 0.0;
         let cell = |x: f64, k: usize| (x / self.period[k] + 0.5).floor();
@@ -198,20 +198,20 @@ impl Meadow {
         None
     }
 
-    /// [`Meadow::projection`] at |Ω_z|, between its steps by straight lines.
+    /// [`Meadow::projection`] at |Ω_z|, linear between its steps.
     pub fn shown(&self, vertical: f64) -> f64 {
         shown(&self.projection, vertical)
     }
 }
 
-/// A value of a table over |Ω_z| from 0 to 1, between its steps by straight lines.
+/// The value of a table over |Ω_z| from 0 to 1, linear between its steps.
 pub fn shown(table: &[f64; STEPS + 1], vertical: f64) -> f64 {
     let x = vertical.abs().min(1.0) * STEPS as f64;
     let k = (x as usize).min(STEPS - 1);
     table[k] + (x - k as f64) * (table[k + 1] - table[k])
 }
 
-/// |n·Ω|, the mean over azimuth, at Ω_z = s.
+/// The mean of |n·Ω| over azimuth, where Ω_z = s.
 fn projected(n: DVec3, s: f64) -> f64 {
     let across = (1.0 - s * s).max(0.0).sqrt();
     let one = |k: usize| {

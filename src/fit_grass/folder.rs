@@ -10,7 +10,7 @@ use mesophyll_files::hash;
 use mesophyll_record::{FitKind, FitRecord, Param, Section};
 use std::path::Path;
 
-/// The sheet of all upright slices: first those across x, then those across y, eight a line.
+/// The sheet of all upright slices: first the slices across x, then those across y, eight to a line.
 pub const UPRIGHT: &str = "slices.exr";
 /// The level slice.
 pub const LEVEL: &str = "level.exr";
@@ -30,7 +30,7 @@ pub(crate) fn write(out: &Path, slices: &Slices, record: &mut FitRecord) -> Resu
                 sheet.preview(&out.join(picture), white.max(f32::MIN_POSITIVE))?;
                 record.files.insert(name.into(), hash::file(&path)?);
             }
-            // Of an earlier fit with other options.
+            // The files are left from an earlier fit with other options.
             None => [path, out.join(picture)].iter().for_each(|old| drop(std::fs::remove_file(old))),
         }
     }
@@ -68,7 +68,7 @@ pub fn open(folder: &Path) -> Result<Slices> {
     let count = counted("slices", 1)?;
     let cell = [texels("texels_along")?, texels("texels_high")?];
     let table = |name: &str| {
-        // Blades that stand upright show nothing from straight above: 0.
+        // Blades that stand upright show no area to a direction straight from above, so the table may hold 0.
         let mut table = [0.0; STEPS + 1];
         table.copy_from_slice(&numbers(name, STEPS + 1, 0.0)?);
         Ok::<_, Error>(table)
@@ -92,8 +92,8 @@ pub fn open(folder: &Path) -> Result<Slices> {
     })
 }
 
-/// How a fit differs from what a scene says it stands for, in words. Two figures are taken for the same where their
-/// relative difference is at most `same`.
+/// Compares a fit with the meadow and the leaves that a scene asks for, and says in words how they differ. Two figures
+/// count as equal where their relative difference is at most `same`.
 ///
 /// # Errors
 /// As [`open`], and for a table of leaves that cannot be read.
@@ -118,7 +118,7 @@ pub fn differs(folder: &Path, meadow: &Meadow, leaves: Option<&Path>, same: f64)
     Ok((there != here).then(|| format!("was made with other leaves: {there}; the scene has {here}")))
 }
 
-/// What the record says of the fit: a section of the whole, and one an elevation.
+/// Writes what the record says of the fit: one section for the whole, and one for each elevation.
 pub(crate) fn describe(
     record: &mut FitRecord,
     meadow: &Meadow,
@@ -138,7 +138,7 @@ pub(crate) fn describe(
     say("judged by", format!("{} azimuths an elevation; sun at zenith {}, azimuth {}", AZIMUTHS.len(), SUN[0], SUN[1]));
     let mut all = Section::default();
     let mut add = |name: &str, value: Vec<f64>, unit: &str| {
-        // Counted over the blades, not measured: no standard error.
+        // These figures are counted over the blades, not measured. So they have no standard error.
         let stderr = vec![f64::NAN; value.len()];
         all.params.insert(name.into(), Param { value, stderr, unit: unit.into(), ..Param::default() });
     };
@@ -177,7 +177,7 @@ pub(crate) fn describe(
     }
 }
 
-/// Root mean squares over the directions, and the largest.
+/// Writes the root mean squares over the directions, and the largest error.
 fn errors(section: &mut Section, judged: &[Judged]) {
     let errors = Errors::of(judged);
     let figures = [
@@ -189,21 +189,21 @@ fn errors(section: &mut Section, judged: &[Judged]) {
     section.figures.extend(figures.map(|(name, v)| (name.to_string(), v)));
 }
 
-/// Errors over some directions.
+/// Errors over a number of directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Errors {
-    /// Root mean square, as a share of all rays.
+    /// Root mean square error of the coverage, as a share of all rays.
     pub coverage: f64,
-    /// The largest, either way.
+    /// The largest error of the coverage in either direction.
     pub coverage_worst: f64,
-    /// Of the colour of what is seen, over the root mean square of the blades' colour.
+    /// Root mean square error of the colour that is seen, relative to the root mean square of the blades' colour.
     pub colour: f64,
-    /// The same of what the sun lights.
+    /// The same for the colour under the sun.
     pub sunlit: f64,
 }
 
 impl Errors {
-    /// Over all that was judged.
+    /// The errors over all given directions.
     pub fn of(judged: &[Judged]) -> Errors {
         let root = |sum: f64| (sum / judged.len().max(1) as f64).sqrt();
         let off = |j: &Judged| j.slices.coverage - j.blades.coverage;

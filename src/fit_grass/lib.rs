@@ -1,12 +1,13 @@
-//! Slices of a meadow (H9 ch. 2: R. Habel, dissertation 2009): pictures of upright slabs of blades, which a fragment of
-//! a carrier's surface can trace in real time, fitted to the blades that they stand for.
+//! Slices of a meadow (H9 ch. 2: R. Habel, dissertation 2009). A slice is a picture of an upright slab of blades. A
+//! fragment of a carrier's surface can trace a ray through the slices in real time. They are fitted to the blades that
+//! they represent.
 //!
-//! [`blades`] is the meadow itself, met by rays. [`bake`] takes the pictures, [`sheet`] keeps them. [`march`] follows a
-//! ray through the slices, [`judge`] compares it with the blades. Pictures hold opacity, reflectance, transmittance and
-//! normals, and no light. Lengths are in mm, z is up.
+//! [`blades`] is the meadow itself, which rays can hit. [`bake`] takes the pictures, and [`sheet`] stores them.
+//! [`march`] follows a ray through the slices, and [`judge`] compares the result with the blades. Pictures hold
+//! opacity, reflectance, transmittance and normals, but no light. Lengths are in mm, and z is up.
 //!
-//! Limits: slices stand for blades over level ground; blades are Lambertian sheets without gloss; blades that hang below
-//! the ground are hidden by it.
+//! Limits: slices represent blades over level ground. Blades are Lambertian sheets without gloss. The ground hides the
+//! parts of blades that hang below it.
 
 #![warn(missing_docs)]
 
@@ -41,22 +42,23 @@ use serde::{Deserialize, Serialize};
 use sheet::{CHANNELS, Edges, Sheet, Texel};
 use std::path::{Path, PathBuf};
 
-/// What the user may choose.
+/// The options of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Slices across x, and as many across y.
+    /// Number of slices across x, and the same number across y.
     pub slices: usize,
-    /// Texels along a slice and along its height: powers of two.
+    /// Texels along a slice and along its height; both are powers of two.
     pub texels: [usize; 2],
     /// Whether there is a level slice at half the height.
     pub level: bool,
-    /// Rays along each side of a texel.
+    /// Number of rays along each side of a texel.
     pub rays: usize,
-    /// Points of entry along each side of the rectangle: rays that weights are fitted to, and errors judged by.
+    /// Number of points of entry along each side of the rectangle, for the rays that weights are fitted to and that
+    /// errors are measured with.
     pub entries: usize,
-    /// The table of what leaves reflect and let through; the program's own where there is none.
+    /// The table of the leaves' reflectance and transmittance; the program's own table where none is given.
     pub leaves: Option<PathBuf>,
-    /// Fit again although the folder already holds this very fit.
+    /// Fits again although the folder already holds this very fit.
     pub force: bool,
 }
 
@@ -66,21 +68,22 @@ impl Default for Options {
     }
 }
 
-/// How slices are made: changes where the same meadow gets others.
+/// How slices are made. It changes when the same meadow gets other slices.
 const METHOD: &str = "pictures along normals; weights fitted in 17 steps; shadows within the level slice";
-/// The blades (above) and the slices (below), as they look.
+/// The picture that shows the blades (above) and the slices (below).
 const VIEW: &str = "view.png";
-/// Slices a part.
+/// Number of slices in a part.
 const SLICES_A_PART: usize = 8;
-/// What the parts hold: changes where their format does.
+/// What the parts hold. It changes when their format changes.
 const PART: &str = "pictures of up to 8 slabs under one another, without borders, as EXR; weights; what was judged";
-/// No fit has more texels, with borders and coarser levels. An adapter takes 32 bytes a texel: 1 GiB.
+/// The largest number of texels of a fit, with borders and coarser levels. An adapter takes 32 bytes for each texel,
+/// which makes 1 GiB.
 const MOST_TEXELS: usize = 1 << 25;
-/// Bytes a texel while a fit is made: the pictures, the sheet with its coarser levels, and the numbers of a file that is
-/// written.
+/// Bytes for each texel while a fit is made: the pictures, the sheet with its coarser levels, and the numbers of a file
+/// that is being written.
 const BYTES_A_TEXEL: usize = 4 * size_of::<Texel>();
 
-/// Reads a meadow: its description, or the file that `grow` makes of it.
+/// Reads a meadow from its description, or from the file that `grow` makes of the description.
 ///
 /// # Errors
 /// [`Error::Input`] for a file that cannot be read or that describes no plant.
@@ -92,8 +95,8 @@ pub fn plant(path: &Path) -> Result<Plant> {
 /// Fits slices to the meadow in the file `input` (.toml or .glb) and writes them into the folder `out`.
 ///
 /// # Errors
-/// What [`plant`], [`optics::read`], [`Meadow::new`] and [`maker::make`] give; [`Error::Interrupted`] after a stop, which
-/// keeps finished parts.
+/// Those of [`plant`], [`optics::read`], [`Meadow::new`] and [`maker::make`]; [`Error::Interrupted`] after a stop, when
+/// finished parts are kept.
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let (path, options) = (input.to_path_buf(), options.clone());
     maker::make(FitKind::Grass, out, &[input], move |maker| fit(&path, &options, maker))
@@ -138,26 +141,26 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// What is told of a finished part beside its pictures.
+/// What a finished part records beside its pictures.
 #[derive(Debug, Serialize, Deserialize)]
 struct Part {
     slabs: usize,
 }
 
-/// The part that holds what [`weights::fit`] found, a step of |Ω_z| each.
+/// The part with the result of [`weights::fit`], one entry for each step of |Ω_z|.
 #[derive(Debug, Serialize, Deserialize)]
 struct Weights {
     known: Vec<weights::Known>,
 }
 
-/// The part that holds what [`judge::judged`] found.
+/// The part with the result of [`judge::judged`].
 #[derive(Debug, Serialize, Deserialize)]
 struct Table {
     judged: Vec<judge::Judged>,
 }
 
-/// As [`Maker::part`], and whether the part was kept from a run that was stopped. A kept part that `whole` does not find
-/// whole is removed and made again; the others stay.
+/// As [`Maker::part`], and also tells whether the part was kept from a run that was stopped. A kept part that `whole`
+/// finds incomplete is removed and made again; the other parts stay.
 fn part<T: Serialize + DeserializeOwned, W>(
     maker: &mut Maker,
     name: &str,
@@ -189,10 +192,11 @@ fn remove(folder: &Path, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Texels of the slices that options make of a meadow with this rectangle (mm), with borders and coarser levels.
+/// Number of texels, with borders and coarser levels, of the slices that the options make of a meadow with this
+/// rectangle (mm).
 ///
 /// # Errors
-/// The found and the expected number in words, where there are more than slices may have.
+/// A text with the found and the expected number, where the slices would have too many texels.
 pub fn counted(options: &Options, period: [f64; 2]) -> std::result::Result<usize, String> {
     let texels = texels(options, period);
     if texels > MOST_TEXELS {
@@ -202,7 +206,7 @@ pub fn counted(options: &Options, period: [f64; 2]) -> std::result::Result<usize
     Ok(texels)
 }
 
-/// Refuses so many texels where there is not the memory to make them; `what` is made.
+/// Refuses a number of texels for which there is not enough memory. `what` names the thing that is made.
 ///
 /// # Errors
 /// [`Error::Usage`] with the memory that is needed and that is available.
@@ -216,7 +220,7 @@ fn texels(options: &Options, period: [f64; 2]) -> usize {
     sheet::area(options.texels, 2 * options.slices) + level
 }
 
-/// Bytes on a graphics adapter of the slices that options make of a meadow with this rectangle (mm).
+/// Bytes on a graphics adapter of the slices that the options make of a meadow with this rectangle (mm).
 pub fn bytes(options: &Options, period: [f64; 2]) -> usize {
     sheet::BYTES * texels(options, period)
 }
@@ -260,7 +264,7 @@ fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slice
     Ok(assembled(meadow, options, &pictures))
 }
 
-/// Slices of pictures in the order of their slabs: across x, across y, and the level one.
+/// Puts pictures together into slices. They are in the order of their slabs: across x, across y, then the level one.
 fn assembled(meadow: &Meadow, options: &Options, pictures: &[Vec<Texel>]) -> Slices {
     let n = options.slices;
     let at = |size: [usize; 2]| {
@@ -293,7 +297,7 @@ pub fn baked(meadow: &Meadow, options: &Options) -> Slices {
     assembled(meadow, options, &pictures)
 }
 
-/// Texels of the level slice: as many along x as a slice has, and along y as fit, a power of two.
+/// Texels of the level slice: along x as many as any slice has, and along y the power of two that suits the rectangle.
 fn level_cell(period: [f64; 2], options: &Options) -> [usize; 2] {
     let w = options.texels[0];
     let along_y = (w as f64 * period[1] / period[0]).log2().round().clamp(2.0, 12.0);

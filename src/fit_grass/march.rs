@@ -1,50 +1,52 @@
-//! A ray through the slices, in closed form: where it meets each, closest first (H9 §2.3.1, Eq. 2.1–2.3).
+//! Follows a ray through the slices. A closed form gives where it crosses each of them, closest first (H9 §2.3.1, Eq.
+//! 2.1–2.3).
 //!
-//! Slices stand across x and across y, a step apart, and a level one may lie at half the height. Each shows all blades
-//! of its slab. A ray at an angle to both axes crosses slices of both kinds, so that it meets every blade twice: the
-//! optical depth of upright blades would be |cos φ| + |sin φ| times what it is. A ray from above meets hardly any slice
-//! at all. [`Slices::weights`] says what share of a slice's opacity counts for a ray, so that the optical depth is that
-//! of the blades in every direction in which slices can have it.
+//! Slices stand across x and across y at even steps, and a level slice may lie at half the height. Each slice shows all
+//! blades of its slab. A ray at an angle to both axes crosses slices of both kinds, so it meets every blade twice: the
+//! optical depth of upright blades would be |cos φ| + |sin φ| times the true one. A ray from above crosses hardly any
+//! slice. So [`Slices::weights`] says which share of a slice's opacity counts for a ray. With it the optical depth is
+//! that of the blades in every direction in which slices can reach it.
 
 use crate::blades::{STEPS, shown};
 use crate::sheet::{BYTES, CHANNELS, Sheet};
 use glam::{DVec2, DVec3};
 
-/// Below this a ray counts as stopped.
+/// Below this share of light that is left, a ray counts as stopped.
 const OPAQUE: f64 = 1e-4;
 
-/// A meadow as slices. Lengths are in mm; the rectangle lies around the origin, the ground is z = 0.
+/// A meadow as slices. Lengths are in mm. The rectangle lies around the origin, and the ground is at z = 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slices {
     /// The rectangle that repeats.
     pub period: [f64; 2],
-    /// Of the carrier over the ground.
+    /// Height of the carrier over the ground.
     pub height: f64,
-    /// Slices across x, and as many across y.
+    /// Number of slices across x, and the same number across y.
     pub count: usize,
-    /// What the weights are made from: the blades' ([`crate::blades::Meadow::projection`]), or fitted to them
-    /// ([`crate::weights`]).
+    /// The projection that the weights are computed from: the blades' own ([`crate::blades::Meadow::projection`]), or
+    /// one that was fitted to the blades ([`crate::weights`]).
     pub projection: [f64; STEPS + 1],
-    /// The blades' own projection along the ground, and from above: what slices show.
+    /// The blades' own projection along the ground and from above, which is what slices show.
     pub shown: [f64; 2],
-    /// Mean opacity of upright slices at a height of k/[`STEPS`] of the carrier's, and of the level one.
+    /// Mean opacity of upright slices at a height of k/[`STEPS`] of the carrier's height, and the mean opacity of the
+    /// level slice.
     pub cover: ([f64; STEPS + 1], f64),
-    /// First those across x, then those across y.
+    /// The upright slices: first those across x, then those across y.
     pub upright: Sheet,
-    /// The level slice at half the height, one cell.
+    /// The level slice at half the height, which is one cell.
     pub level: Option<Sheet>,
-    /// Whether opacities are weighted by direction; without, each slice counts in full.
+    /// Whether opacities are weighted by direction. If not, each slice counts in full.
     pub weighted: bool,
 }
 
-/// What a slice is across.
+/// The axis that a slice stands across.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Across {
-    /// Upright.
+    /// An upright slice across x.
     X,
-    /// Upright.
+    /// An upright slice across y.
     Y,
-    /// Level.
+    /// A level slice.
     Z,
 }
 
@@ -53,53 +55,55 @@ pub enum Across {
 pub struct Crossing {
     /// Distance in lengths of the ray's direction.
     pub t: f64,
-    /// Which kind of slice.
+    /// The kind of slice.
     pub across: Across,
-    /// Which one, counted without end from the rectangle around the origin.
+    /// Number of the slice. The rectangle around the origin begins at 0, and the count goes on without end in both
+    /// directions.
     pub index: i64,
-    /// Where, in the lawn as it stands without wind.
+    /// Place of the crossing in the lawn as it stands without wind.
     pub place: DVec3,
-    /// How the wind leans the lawn there: the way of a blade's point along x and y over its height.
+    /// How the wind leans the lawn there: the displacement of a blade's point along x and y, divided by its height.
     pub lean: DVec2,
 }
 
 impl Crossing {
-    /// A direction as the lawn without wind has it.
+    /// The same direction in the lawn without wind.
     pub fn unleant(&self, d: DVec3) -> DVec3 {
         unleant(d, self.lean)
     }
 
-    /// A normal of the lawn without wind (of any length) as the wind turns it.
+    /// A normal of the lawn without wind (of any length), as the wind turns it.
     pub fn turned(&self, normal: DVec3) -> DVec3 {
         normal - DVec3::Z * self.lean.dot(normal.truncate())
     }
 }
 
-/// A point or a direction of the leaning lawn as the lawn without wind has it.
+/// A point or a direction of the leaning lawn, transformed to the lawn without wind.
 pub fn unleant(v: DVec3, lean: DVec2) -> DVec3 {
     v - (lean * v.z).extend(0.0)
 }
 
-/// What a ray gathered.
+/// What a ray gathered on its way.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Gathered {
     /// Share of the light that is stopped.
     pub opacity: f64,
-    /// Sum of what was asked for, times the share that was seen.
+    /// Sum of the requested colour, each weighted by the share of light that still arrives from there.
     pub colour: [f64; 3],
-    /// Where the opacity passed one half, if it did (lengths of the direction).
+    /// Distance where the opacity passed one half, in lengths of the direction; `None` where it never did.
     pub depth: Option<f64>,
     /// How many slices were crossed.
     pub steps: usize,
 }
 
 impl Slices {
-    /// Shares of the opacity of upright slices, and of the level one, that count for a ray along `d`.
+    /// The shares of opacity that count for a ray along `d`: for upright slices, and for the level one.
     ///
-    /// Blades of the area u a volume, of which a direction sees the share P(|Ω_z|), have the optical depth u P a
-    /// length. Upright slices have u P(0) (|Ω_x| + |Ω_y|), the level one u P(1) |Ω_z| in the mean over the height.
-    /// Upright slices count in full, or as far as they would have too much; the level one adds what they lack. These
-    /// are shares of the optical depth; [`Slices::share`] has those of the opacity.
+    /// Let u be the area of blades in a unit of volume, and P(|Ω_z|) the share of it that a direction Ω sees. Then
+    /// blades have the optical depth u P for each unit of length. Upright slices have u P(0) (|Ω_x| + |Ω_y|), and the
+    /// level one u P(1) |Ω_z| in the mean over the height. Upright slices count in full, or by a smaller share where
+    /// they would give too much. The level slice adds what they lack. These are shares of the optical depth;
+    /// [`Slices::share`] converts them to shares of the opacity.
     pub fn weights(&self, d: DVec3) -> [f64; 2] {
         if !self.weighted {
             return [1.0, 1.0];
@@ -108,7 +112,7 @@ impl Slices {
         let wanted = shown(&self.projection, d.z);
         let upright = self.shown[0] * (d.x.abs() + d.y.abs());
         let level = self.shown[1] * d.z.abs();
-        // Nothing is wanted of slices that show nothing (0 of 0).
+        // Slices that show nothing get the share 0. It would be 0/0 otherwise.
         let share = |of: f64, all: f64| match of {
             of if of <= 0.0 => 0.0,
             of if of < all => of / all,
@@ -122,20 +126,20 @@ impl Slices {
         if across == Across::Z { self.cover.1 } else { shown(&self.cover.0, height) }
     }
 
-    /// What share of its opacity a slice has where a share `weight` of its optical depth counts. Blades are opaque:
-    /// none of their texels can have a share of an optical depth that is infinite. The mean over a row of texels can,
-    /// (1 − a)^w = 1 − c a, and c is the share of all of them.
+    /// The share of its opacity that a slice has where the share `weight` of its optical depth counts. Blades are
+    /// opaque, so a single texel has an infinite optical depth, of which no share can be taken. The mean opacity a of a
+    /// row of texels gives a finite one: (1 − a)^w = 1 − c a, and all texels of the row get the share c.
     fn share(&self, across: Across, height: f64, weight: f64) -> f64 {
         let cover = self.cover(across, height);
         if cover > 0.0 { (1.0 - (1.0 - cover).powf(weight)) / cover } else { weight }
     }
 
-    /// The slices that a ray crosses between the ground and the carrier, closest first. It begins after `from`, where
-    /// it is on a slice; the origin is within the layer.
+    /// The slices that a ray crosses between the ground and the carrier, closest first. The origin lies within the
+    /// layer. Where it lies on a slice, `from` names this slice, and the crossings begin after it.
     pub fn crossings(&self, origin: DVec3, d: DVec3, from: Option<(Across, i64)>) -> Crossings<'_> {
         let axis = |k: usize, across: Across| {
             let step = self.period[k] / self.count as f64;
-            // The plane of number j is at (j + 1/2) steps from the rectangle's edge.
+            // The plane with the number j lies (j + 1/2) steps from the rectangle's edge.
             let x = (origin[k] + 0.5 * self.period[k]) / step - 0.5;
             let next = if d[k] > 0.0 { x.floor() + 1.0 } else { x.ceil() - 1.0 };
             match from {
@@ -154,8 +158,8 @@ impl Slices {
         Crossings { slices: self, origin, d, next: [axis(0, Across::X), axis(1, Across::Y)], level, end }
     }
 
-    /// What a slice says where a ray crosses it, seen along `d`; the first is the opacity as it counts. `level` is that
-    /// of the sheets.
+    /// The texel of a slice where a ray crosses it. Its opacity, the first number, is weighted as `weights` says, and
+    /// the other numbers with it. `level` is the sheets' level of detail.
     pub fn texel(&self, crossing: &Crossing, weights: [f64; 2], level: f64) -> [f64; CHANNELS] {
         let share = |k: usize| crossing.place[k] / self.period[k] + 0.5;
         let height = crossing.place.z / self.height;
@@ -173,8 +177,8 @@ impl Slices {
         found.map(|v| v * share)
     }
 
-    /// Follows a ray from `origin` along the unit vector `d` over at most `steps` slices, front to back. `colour` takes
-    /// a crossing and its texel, and gives the colour times the opacity.
+    /// Follows a ray from `origin` along the unit vector `d` over at most `steps` slices, front to back. `colour` gets
+    /// a crossing and its texel, and returns the colour times the opacity.
     pub fn march(
         &self,
         origin: DVec3,
@@ -186,10 +190,11 @@ impl Slices {
         self.march_leaning(origin, d, steps, level, |_| DVec2::ZERO, colour)
     }
 
-    /// The same through a lawn that the wind leans: a point at the height z is z times `lean` from where it would be, by
-    /// the place (x, y) where it is. The shear of where the ray begins is taken from the ray, for all of the way; what the
-    /// shear at a slice differs from it is taken from the look-up, along the slice (H9 §2.3.2). So a wind that is the same
-    /// everywhere is exact, and gusts are right as long as they are much wider than the way of a ray in the lawn.
+    /// Does the same in a lawn that the wind leans. A point at the height z is moved by z times `lean`, where `lean` is
+    /// evaluated at the point's moved place (x, y). The whole ray is sheared by the lean at its origin. At each slice,
+    /// the difference between the lean there and this one shifts the look-up along the slice (H9 §2.3.2). So a wind
+    /// that is the same everywhere is exact, and gusts are right as long as they are much wider than the ray's way
+    /// through the lawn.
     pub fn march_leaning(
         &self,
         origin: DVec3,
@@ -225,14 +230,14 @@ impl Slices {
         out
     }
 
-    /// Share of the light from `to` (unit) that arrives at what a ray along `d` sees of a slice: none from the horizon or
-    /// from below it, where the ground is in the way.
+    /// Share of the light from `to` (unit vector) that arrives at the part of a slice that a ray along `d` sees. It is
+    /// 0 for light from the horizon or from below, because the ground is in the way.
     ///
-    /// The blade is off the slice, somewhere in its slab: a picture shows those that are nearest to the eye. Other
-    /// slices are crossed from there. Of an upright slab, blades between it and the side that the ray sees are none;
-    /// those behind it are in the way of light from behind, as many as stand in a slab in the mean. The slab of the
-    /// level slice is the whole layer: what stands before the blade is none towards the eye only. Towards another
-    /// direction it is what stands there in the mean.
+    /// The blade is not on the slice, but somewhere in its slab: a picture shows the blades that are nearest to the
+    /// eye. The other slices are crossed from the blade's place. In an upright slab, no blades stand between this blade
+    /// and the side that the ray sees. Behind it, blades are in the way of light from behind, and their number is the
+    /// mean of the slab. The slab of the level slice is the whole layer. There the space before the blade is known to
+    /// be empty towards the eye only. Towards another direction it holds the mean number of blades.
     pub fn arriving(&self, crossing: &Crossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3, level: f64) -> f64 {
         if to.z <= 0.0 {
             return 0.0;
@@ -243,7 +248,7 @@ impl Slices {
             Across::Z => [self.height, weights[1]],
             _ => [self.period[axis] / self.count as f64, weights[0]],
         };
-        // Distance to the side that is seen, as a share of the slab; pictures are taken from the first side.
+        // Distance to the side that is seen, as a share of the slab. Pictures are taken from the first side.
         let behind = if texel[0] > 0.0 { 1.0 - texel[13] / texel[0] } else { 0.5 };
         let mut place = crossing.place;
         place[axis] -= d[axis].signum() * (0.5 - behind) * thick;
@@ -266,7 +271,7 @@ impl Slices {
         left
     }
 
-    /// Mean opacities of the sheets, for [`Slices::cover`].
+    /// The mean opacities of the sheets, as [`Slices::cover`] holds them.
     pub fn covers(upright: &Sheet, level: Option<&Sheet>) -> ([f64; STEPS + 1], f64) {
         let mean = |sheet: &Sheet, v: f64| {
             let w = sheet.cell[0];
@@ -279,7 +284,7 @@ impl Slices {
         (std::array::from_fn(|k| mean(upright, height(k))), level.map_or(0.0, all) / rows as f64)
     }
 
-    /// Bytes of all sheets on a graphics adapter: four layers of four half floats.
+    /// Bytes of all sheets on a graphics adapter, with four layers of four half floats each.
     pub fn bytes(&self) -> usize {
         BYTES * (self.upright.texels() + self.level.as_ref().map_or(0, Sheet::texels))
     }

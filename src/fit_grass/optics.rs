@@ -1,4 +1,5 @@
-//! What blades reflect and let through: a table a material (format: `data/grass/optics/leaves.toml`).
+//! Reflectance and transmittance of blades: a table with an entry for each material (format:
+//! `data/grass/optics/leaves.toml`).
 
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash};
@@ -6,23 +7,23 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The table that is taken where none is named.
+/// The table that is used where none is named.
 const STATED: &str = include_str!("../../data/grass/optics/leaves.toml");
 
-/// A Lambertian sheet. Shares of the light in linear red, green and blue.
+/// A Lambertian sheet. The numbers are shares of the light in linear red, green and blue.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Optics {
-    /// Reflected by the front and by the back.
+    /// Reflectance of the front and of the back.
     pub rho_d: [[f64; 3]; 2],
-    /// Let through, from either side.
+    /// Transmittance, the same from either side.
     pub rho_t: [f64; 3],
 }
 
-/// Of each material.
+/// The optics of each material, by its name.
 pub type Leaves = BTreeMap<String, Optics>;
 
-/// What a record says of the table in `path`: its name and its hash.
+/// The text by which a record names the table in `path`: its name and its hash.
 ///
 /// # Errors
 /// [`Error::Input`] for a table that cannot be read.
@@ -32,10 +33,10 @@ pub fn told(path: Option<&Path>) -> Result<String> {
     Ok(format!("stated, the table {name} ({})", hash::file(path)?))
 }
 
-/// Reads the table in `path`; the program's own where none is named.
+/// Reads the table in `path`, or the program's own where no path is given.
 ///
 /// # Errors
-/// [`Error::Input`] for a table that cannot be read, or a share that is negative or more than all of the light.
+/// [`Error::Input`] for a table that cannot be read, or for a share that is negative or larger than 1.
 pub fn read(path: Option<&Path>) -> Result<Leaves> {
     let (path, text) = match path {
         Some(path) => (path, std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?),

@@ -1,4 +1,4 @@
-//! A picture of the meadow by its blades and by its slices, to be looked at.
+//! A picture of the meadow, drawn from its blades and from its slices, for people to look at.
 
 use crate::Result;
 use crate::blades::Meadow;
@@ -11,24 +11,24 @@ use std::path::Path;
 
 /// Pixels of each of the two views.
 const SIZE: [usize; 2] = [640, 280];
-/// Rays along each side of a pixel: of the blades, and of the slices, of which a shader follows one as well.
+/// Number of rays along each side of a pixel, for the blades and for the slices. A shader also follows one ray a pixel.
 const RAYS: [usize; 2] = [3, 1];
-/// Light of an even sky over the sun's, and what is white: of the picture only.
+/// Irradiance of an even sky relative to the sun's, and the value that is drawn white. Only this picture uses them.
 const SKY: f64 = 0.3;
 const WHITE: f64 = 0.22;
-/// Of the ground, which lies in shade.
+/// Reflectance of the ground, which lies in shade.
 const GROUND: [f64; 3] = [0.06, 0.045, 0.03];
 /// Pixels between the views.
 const GAP: usize = 6;
 
-/// Draws the blades (above) and the slices (below) from 25° over the ground, under the judges' sun.
+/// Draws the blades (above) and the slices (below) from 25° over the ground, under the sun of [`crate::judge::SUN`].
 ///
 /// # Errors
 /// [`crate::Error::Write`] where the file cannot be written.
 pub fn write(path: &Path, meadow: &Meadow, slices: &Slices) -> Result<()> {
     let blades = view(meadow, RAYS[0], |rays, o, d| of_blades(meadow, rays, o, d));
     let other = view(meadow, RAYS[1], |rays, o, d| {
-        // As a shader does: the texel's size on the sheet beside the pixel's on the slice.
+        // As in a shader, the level follows from the size of the sheet's texel and the size of the pixel on the slice.
         let texel = slices.period[0] / slices.upright.cell[0] as f64;
         let level = (rays.level / texel).log2().max(0.0);
         of_slices(slices, Rays { level, ..rays }, usize::MAX, o, d)
@@ -37,7 +37,8 @@ pub fn write(path: &Path, meadow: &Meadow, slices: &Slices) -> Result<()> {
     write_png(path, SIZE[0], 2 * SIZE[1] + GAP, &[blades, gap, other].concat())
 }
 
-/// One view by `side` rays along each side of a pixel; `look` gets the size of a ray's share of a pixel (mm) as the level.
+/// Draws one view with `side` rays along each side of a pixel. `look` gets the width that a ray represents (mm) as its
+/// level.
 fn view(meadow: &Meadow, side: usize, look: impl Fn(Rays, DVec3, DVec3) -> Look + Sync) -> Vec<u8> {
     let [w, h] = SIZE;
     let back = towards(25.0, 250.0);

@@ -1,7 +1,9 @@
-//! The pictures of slices: cells side by side on one sheet (an atlas), each with a border, and coarser levels of it.
+//! The pictures of slices. They are cells, side by side on one sheet (an atlas). Each cell has a border, and the sheet
+//! has coarser levels.
 //!
-//! All numbers of a texel but its opacity are multiplied by the opacity. Then every filter is a plain mean: between
-//! texels, from level to level, and in front-to-back blending. A level's mean opacity is that of the level below it.
+//! All numbers of a texel except its opacity are multiplied by the opacity. This makes every filter a plain mean:
+//! between texels, from level to level, and in front-to-back blending. The mean opacity of a level is that of the next
+//! finer one.
 
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, read_exr, to_srgb8, write_exr, write_png};
@@ -9,11 +11,11 @@ use std::path::Path;
 
 /// Bytes of a texel on a graphics adapter: 16 half floats.
 pub const BYTES: usize = 32;
-/// Numbers of a texel.
+/// Number of values in a texel.
 pub const CHANNELS: usize = 14;
-/// Their names in a file. `rho_d` is of the side that looks along +x (slices across x), +y or up, `rho_d_behind` of the
-/// other one; the normal is on the first. `place` is where in the slab the blade is, from 0 (towards −x, −y or down) to
-/// 1.
+/// Names of these values in a file. `rho_d` belongs to the side that faces +x (slices across x), +y or up, and
+/// `rho_d_behind` to the other side. The normal points out of the first side. `place` is where in the slab the blade
+/// is, from 0 (the end towards −x, −y or down) to 1.
 pub const NAMES: [&str; CHANNELS] = [
     "opacity.Y",
     "rho_d.R",
@@ -30,20 +32,20 @@ pub const NAMES: [&str; CHANNELS] = [
     "normal.Z",
     "place.Y",
 ];
-/// A sheet has so many levels, or fewer where cells are small. The border is a texel of the coarsest one.
+/// Number of levels of a sheet; small cells have fewer. The border is as wide as a texel of the coarsest level.
 const LEVELS: u32 = 4;
-/// Cells a line of the sheet.
+/// Number of cells in a line of the sheet.
 pub const LINE: usize = 8;
 
-/// What a slice says of one place: shares of the area, each of the numbers times the opacity.
+/// What a slice holds at one place: shares of the area. Every value except the opacity is multiplied by it.
 pub type Texel = [f32; CHANNELS];
 
-/// What is beyond the lower and the upper edge of a cell; beyond the left and the right one it repeats.
+/// What lies beyond the lower and the upper edge of a cell. Beyond its left and right edges a cell repeats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Edges {
-    /// The ground's row goes on below, nothing is above.
+    /// Below the cell, the row at the ground continues. Above it there is nothing.
     Upright,
-    /// It repeats.
+    /// The cell repeats.
     Level,
 }
 
@@ -54,29 +56,29 @@ pub struct Sheet {
     pub cell: [usize; 2],
     /// Texels of the border on each side.
     pub border: usize,
-    /// How many cells there are.
+    /// Number of cells.
     pub cells: usize,
-    /// The finest first.
+    /// The levels, the finest first.
     pub levels: Vec<Level>,
 }
 
 /// A level of a sheet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
-    /// Texels a row.
+    /// Number of texels in a row.
     pub width: usize,
-    /// Rows; the first is the top one.
+    /// Number of rows. The first row is the top one.
     pub height: usize,
-    /// Row by row.
+    /// The texels, row by row.
     pub texels: Vec<Texel>,
 }
 
-/// How many levels cells of this size have.
+/// Number of levels that cells of this size have.
 fn levels([width, height]: [usize; 2]) -> u32 {
     LEVELS.min(width.min(height).ilog2()).max(1)
 }
 
-/// Texels of a sheet of so many cells, with borders and coarser levels.
+/// Number of texels of a sheet with this many cells, with borders and coarser levels.
 pub(crate) fn area(cell: [usize; 2], cells: usize) -> usize {
     let border = 1 << levels(cell);
     let fine = cells.min(LINE) * cells.div_ceil(LINE) * (cell[0] + border) * (cell[1] + border);
@@ -84,8 +86,8 @@ pub(crate) fn area(cell: [usize; 2], cells: usize) -> usize {
 }
 
 impl Sheet {
-    /// A sheet of cells; `at(cell, column, row)` gives the texels of each, the top row first. The sides of `cell` are
-    /// powers of two.
+    /// Makes a sheet of cells. `at(cell, column, row)` gives the texels of each cell, the top row first. The sides of
+    /// `cell` are powers of two.
     pub fn new(cell: [usize; 2], cells: usize, edges: Edges, at: impl Fn(usize, usize, usize) -> Texel) -> Sheet {
         let [w, h] = cell;
         let border = 1 << (levels(cell) - 1);
@@ -96,7 +98,7 @@ impl Sheet {
         for k in 0..cells {
             for row in 0..pitch[1] {
                 for column in 0..pitch[0] {
-                    // Borders are at most as wide as a cell.
+                    // Adding w keeps the difference positive, because borders are at most as wide as a cell.
                     let x = (column + w - border) % w;
                     let y = match edges {
                         Edges::Level => Some((row + h - border) % h),
@@ -115,8 +117,8 @@ impl Sheet {
         sheet
     }
 
-    /// What is at a share of a cell's length (it repeats) and of its height over the ground (0 to 1; less is 0), on a
-    /// level (0 is the finest; between two levels, a mean of both).
+    /// The values at a share of a cell's length, which repeats, and at a share of its height over the ground. That one
+    /// is from 0 to 1, and less counts as 0. Level 0 is the finest; between two levels the result is a mean of both.
     pub fn at(&self, cell: usize, [u, v]: [f64; 2], level: f64) -> [f64; CHANNELS] {
         let last = (self.levels.len() - 1) as f64;
         let level = level.clamp(0.0, last);
@@ -150,12 +152,12 @@ impl Sheet {
         })
     }
 
-    /// Texels of all levels together.
+    /// Number of texels of all levels together.
     pub fn texels(&self) -> usize {
         self.levels.iter().map(|level| level.texels.len()).sum()
     }
 
-    /// Writes the finest level, borders and all, as half floats under [`NAMES`].
+    /// Writes the finest level with its borders, as half floats under the names of [`NAMES`].
     ///
     /// # Errors
     /// [`Error::Write`] where the file cannot be written.
@@ -163,7 +165,7 @@ impl Sheet {
         write_exr(path, &maps(self.levels[0].width, &self.levels[0].texels), Packing::Half)
     }
 
-    /// Reads what [`Sheet::write`] wrote, and makes the coarser levels.
+    /// Reads a file of [`Sheet::write`], and makes the coarser levels.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that cannot be read or that is of another size.
@@ -177,7 +179,8 @@ impl Sheet {
         Ok(sheet)
     }
 
-    /// A picture of the finest level: ρd as it is seen, clear where nothing is. `white` is the brightest ρd.
+    /// Writes a picture of the finest level: ρd as it is seen, transparent where no blade is. `white` is the value of
+    /// ρd that becomes white.
     pub fn preview(&self, path: &Path, white: f32) -> Result<()> {
         let level = &self.levels[0];
         let seen = |t: &Texel| {
@@ -190,7 +193,7 @@ impl Sheet {
 }
 
 impl Level {
-    /// The next coarser level: means of two by two.
+    /// The next coarser level, by means of two by two texels.
     fn halved(&self) -> Level {
         let (width, height) = (self.width / 2, self.height / 2);
         let mean = |k: usize| {
@@ -203,7 +206,7 @@ impl Level {
     }
 }
 
-/// Texels as named channels.
+/// The texels as named channels.
 pub(crate) fn maps(width: usize, texels: &[Texel]) -> Maps {
     let mut maps = Maps::new(width, texels.len() / width.max(1));
     for (c, name) in NAMES.into_iter().enumerate() {

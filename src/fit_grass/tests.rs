@@ -26,14 +26,14 @@ fn options() -> Options {
     Options { slices: 8, texels: [64, 32], rays: 2, entries: 16, ..Options::default() }
 }
 
-/// Points and directions without a pattern.
+/// Points and directions that follow no pattern.
 fn ray(k: usize, height: f64) -> (DVec3, DVec3) {
     let f = |a: f64| (k as f64 * a + 0.13).fract();
     let origin = DVec3::new(300.0 * f(0.7549) - 150.0, 300.0 * f(0.5698) - 150.0, height);
     (origin, -judge::towards(8.0 + 80.0 * f(0.3247), 360.0 * f(0.8192)))
 }
 
-/// The rectangle that repeats, beside copies of its blades that stand side by side.
+/// The repeating rectangle gives the same hits as explicit copies of its blades side by side.
 #[test]
 fn rays_meet_the_blades_of_all_rectangles() {
     let (plant, meadow) = small();
@@ -62,7 +62,7 @@ fn rays_meet_the_blades_of_all_rectangles() {
     assert!((100..400).contains(&met), "{met}");
 }
 
-/// The closed form, beside all planes sorted by distance.
+/// The closed form gives the same crossings as all planes sorted by distance.
 #[test]
 fn slices_are_crossed_closest_first_and_none_is_forgotten() {
     let (_, meadow) = small();
@@ -87,7 +87,7 @@ fn slices_are_crossed_closest_first_and_none_is_forgotten() {
         for (a, b) in got.iter().zip(&want) {
             assert!(a.1 == b.1 && (a.0 - b.0).abs() < 1e-9 * ground, "ray {k}: {a:?} {b:?}");
         }
-        // From the other end the same slices are met, in the other order.
+        // From the other end, the same slices are crossed in the opposite order.
         let back = slices.crossings(origin + d * ground, -d, None);
         let back: Vec<(Across, i64)> = back.map(|c| (c.across, c.index)).collect();
         let mut forth: Vec<(Across, i64)> = slices.crossings(origin, d, None).map(|c| (c.across, c.index)).collect();
@@ -96,7 +96,8 @@ fn slices_are_crossed_closest_first_and_none_is_forgotten() {
     }
 }
 
-/// The mean opacity of cells is that of the blades' silhouettes, at every level of the sheet; borders repeat.
+/// The mean opacity of cells is that of the blades' silhouettes at every level of the sheet, and borders repeat the
+/// cell.
 #[test]
 fn every_level_keeps_the_coverage() {
     let (_, meadow) = small();
@@ -120,10 +121,10 @@ fn every_level_keeps_the_coverage() {
     for level in [0.0, 1.0, 2.5, 3.0] {
         let [left, right] = [-1e-9, 1.0 - 1e-9].map(|u| sheet.at(3, [u, 0.3], level));
         assert!((left[0] - right[0]).abs() < 1e-5);
-        // The guard at the ground: what is below is what stands on it, not the neighbour's cell.
+        // Below the ground, the border repeats the row at the ground and not the neighbouring cell.
         assert_eq!(sheet.at(3, [0.2, -0.5], level), sheet.at(3, [0.2, 0.0], level));
     }
-    // A texel against rays of its own.
+    // One texel is compared with rays of its own.
     let [along, high] = [37, 5];
     let got = sheet.at(2, [(f64::from(along) + 0.5) / 64.0, (f64::from(high) + 0.5) / 32.0], 0.0)[0];
     let hits = (0..4).filter(|i| {
@@ -135,7 +136,7 @@ fn every_level_keeps_the_coverage() {
     assert_eq!(got, hits.count() as f64 / 4.0);
 }
 
-/// The file that `grow` makes says over which rectangle it repeats.
+/// The file that `grow` writes states the rectangle over which the meadow repeats.
 #[test]
 fn a_file_gives_the_meadow_of_its_description() {
     let folder = tempfile::tempdir().unwrap();
@@ -164,8 +165,9 @@ fn weights_give_the_blades_optical_depth() {
     }
 }
 
-/// Slices that the fit has weighted cover what the blades cover, in azimuths that the fit did not see; without weights
-/// they cover too much along diagonals and too little from above. The folder holds them, and is known again.
+/// Slices with fitted weights cover as much as the blades do, also in azimuths that the fit did not use. Without
+/// weights they cover too much along diagonals and too little from above. The folder stores the slices, and the fit is
+/// recognised when it is run again.
 #[test]
 fn a_fit_covers_what_the_blades_cover() {
     let folder = tempfile::tempdir().unwrap();
@@ -189,8 +191,8 @@ fn a_fit_covers_what_the_blades_cover() {
     assert!(matches!(run(&path, &out, &options()).unwrap(), Outcome::UpToDate(_)));
 }
 
-/// Blades that stand exactly upright show nothing from straight above: that step is undetermined, and no other one is
-/// made from it. The folder that was written opens.
+/// Blades that stand exactly upright show nothing from straight above. So that step is undetermined, and no other step
+/// takes its value from it. The folder that was written can be opened.
 #[test]
 fn upright_blades_leave_the_step_from_above_undetermined() {
     let folder = tempfile::tempdir().unwrap();
@@ -208,13 +210,13 @@ fn upright_blades_leave_the_step_from_above_undetermined() {
         let determined = !known.undetermined.iter().any(|u| u.starts_with(&format!("{k}: ")));
         assert!(known.value[k].is_finite() && (!determined || known.stderr[k] < known.value[k]), "step {k}: {known:?}");
     }
-    // In between, blades at random have what the slices have, whatever the direction.
+    // At the steps between, blades at random have the optical depth of the slices in every direction.
     assert!((known.value[12] / own[12] - 1.0).abs() < 0.3, "{known:?}");
     let slices = open(&out).unwrap();
     assert_eq!(slices.weights(DVec3::NEG_Z)[1], 0.0);
 }
 
-/// A run that goes on takes finished parts over; one that is damaged is made again, and the others stay.
+/// A run that continues keeps finished parts. A damaged part is made again, and the others stay.
 #[test]
 fn a_damaged_part_is_made_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -222,7 +224,7 @@ fn a_damaged_part_is_made_again() {
     let small = Options { slices: 4, texels: [16, 16], rays: 1, entries: 4, ..Options::default() };
     let pictures = || {
         let (from, options) = (path.clone(), small.clone());
-        // A fit that ends after its pictures, as one that is stopped there, and says where they are.
+        // This fit ends after its pictures, like one that is stopped there, and says where they are.
         let stopped: Result<()> = maker::make(FitKind::Grass, &out, &[&path], move |maker| {
             maker.made_from("of a test".into())?;
             let meadow = Meadow::new(&from, &plant(&from)?, &optics::read(None)?)?;

@@ -1,5 +1,5 @@
-//! What of the light from a direction arrives at a height of the lawn, in the mean over it: what ambient light in the
-//! lawn is worked out from.
+//! The share of the light from a direction that arrives at a height of the lawn, as a mean over the lawn. Ambient light
+//! in the lawn is computed from it.
 
 use crate::blades::STEPS;
 use crate::march::{Across, Crossing, Slices};
@@ -7,17 +7,18 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Points along each side of the rectangle, places on slices, and azimuths, that means are over.
+/// Numbers of points along each side of the rectangle, of places on slices, and of azimuths that the means are taken
+/// over.
 const POINTS: usize = 8;
 const PLACES: usize = 128;
 const AZIMUTHS: usize = 8;
 
-/// A value at a step of the height and of |Ω_z|.
+/// A value for each step of the height and each step of |Ω_z|.
 pub type Through = [[f64; STEPS + 1]; STEPS + 1];
 
-/// Share of the light that arrives at blades past the slices above, by height (k/[`STEPS`] of the carrier's; first index)
-/// and by |Ω_z| (k/[`STEPS`]; second). Level light arrives nowhere: it has crossed grass without end. Blades stand in tufts:
-/// less arrives at them than between them.
+/// Share of the light that passes the slices above and arrives at blades. The first index is the height (k/[`STEPS`] of
+/// the carrier's), and the second |Ω_z| (k/[`STEPS`]). No level light arrives, because it has crossed grass without
+/// end. Blades stand in tufts, so less light arrives at them than between them.
 pub fn through(slices: &Slices) -> Through {
     let mut out = [[0.0; STEPS + 1]; STEPS + 1];
     out.par_iter_mut().enumerate().for_each(|(k, row)| {
@@ -28,16 +29,16 @@ pub fn through(slices: &Slices) -> Through {
     out
 }
 
-/// A direction of this |Ω_z|; azimuths of a place are turned against those of the others, so that none lies along the
-/// slices only.
+/// A direction with this |Ω_z|. The azimuths are turned differently for each place, so that they do not all lie along
+/// the slices.
 fn towards(up: f64, place: usize, turn: usize) -> DVec3 {
     let across = (1.0 - up * up).max(0.0).sqrt();
     let (sin, cos) = (TAU * (turn as f64 + (place as f64 * 0.618_034).fract()) / AZIMUTHS as f64).sin_cos();
     DVec3::new(across * cos, across * sin, up)
 }
 
-/// The mean over what upright slices show at one height and one |Ω_z| above 0, from either side; between blades where
-/// they show nothing.
+/// The mean over what upright slices show from either side, at one height and one |Ω_z| above 0. Where they show
+/// nothing, it is the mean between blades.
 fn at_blades(slices: &Slices, height: f64, up: f64) -> f64 {
     let mut sums = [0.0; 2];
     for n in 0..PLACES * AZIMUTHS {
@@ -60,7 +61,7 @@ fn at_blades(slices: &Slices, height: f64, up: f64) -> f64 {
     if sums[1] > 0.0 { sums[0] / sums[1] } else { between(slices, height, up) }
 }
 
-/// The mean over places and azimuths at one height and one |Ω_z| above 0.
+/// The mean over places and azimuths, at one height and one |Ω_z| above 0.
 fn between(slices: &Slices, height: f64, up: f64) -> f64 {
     let mut sum = 0.0;
     for n in 0..POINTS * POINTS * AZIMUTHS {
@@ -72,8 +73,8 @@ fn between(slices: &Slices, height: f64, up: f64) -> f64 {
     sum / (POINTS * POINTS * AZIMUTHS) as f64
 }
 
-/// Share of an even sky's light that arrives at blades of a height: over all directions above, each as much as blades
-/// show to it.
+/// Share of an even sky's light that arrives at blades of each height. Directions above the horizon are weighted by the
+/// area that blades show to them.
 pub fn open(slices: &Slices, through: &Through) -> [f64; STEPS + 1] {
     through.map(|row| mean(&row, |k| slices.projection[k]))
 }
@@ -84,7 +85,7 @@ pub fn open_ground(slices: &Slices) -> f64 {
     mean(&row, |k| k as f64)
 }
 
-/// The mean over |Ω_z|, which is even over directions, by trapezoids.
+/// The weighted mean over |Ω_z| by the trapezoid rule. Directions are spread evenly over |Ω_z|.
 fn mean(row: &[f64; STEPS + 1], weight: impl Fn(usize) -> f64) -> f64 {
     let mut sums = [0.0; 2];
     for (k, share) in row.iter().enumerate() {
@@ -95,7 +96,7 @@ fn mean(row: &[f64; STEPS + 1], weight: impl Fn(usize) -> f64) -> f64 {
     if sums[1] > 0.0 { sums[0] / sums[1] } else { 1.0 }
 }
 
-/// Mean share of the light that blades scatter, to both sides, a channel.
+/// Mean share of the light that blades scatter to both sides together, for each channel.
 pub fn scattered(slices: &Slices) -> [f64; 3] {
     let mut sums = [0.0; 4];
     for t in &slices.upright.levels[0].texels {

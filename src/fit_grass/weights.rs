@@ -1,10 +1,11 @@
-//! The fit of the weights: how much of their optical depth slices should have, direction by direction, so that they
-//! cover what the blades cover.
+//! Fits the weights: which optical depth slices should have in each direction, so that they cover as much as the blades
+//! do.
 //!
-//! The projection of the blades ([`crate::blades::Meadow::projection`]) says it for blades that stand at random in
-//! slabs without thickness. Real ones stand in tufts, and the slabs of few slices are thick beside the height. So the
-//! projection that the weights are made from is fitted, a number at each of [`STEPS`] + 1 steps of |Ω_z|, by rays in
-//! azimuths of their own.
+//! For blades that stand at random in slabs without thickness, the projection of the blades
+//! ([`crate::blades::Meadow::projection`]) gives the answer. But real blades stand in tufts, and a small number of
+//! slices means slabs that are thick compared with the height. So the projection that the weights are computed from is
+//! fitted: one number at each of [`STEPS`] + 1 steps of |Ω_z|. The rays of the fit have other azimuths than those of
+//! [`crate::judge`].
 
 use crate::Result;
 use crate::blades::{Meadow, STEPS};
@@ -13,37 +14,37 @@ use crate::march::Slices;
 use mesophyll_files::progress::{self, Bar};
 use serde::{Deserialize, Serialize};
 
-/// What is known at a step of |Ω_z|.
+/// The result at one step of |Ω_z|.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Known {
-    /// The projection that the weights are made from.
+    /// The projection that the weights are computed from.
     pub value: f64,
     /// Its standard error, from the number of rays; infinite where the rays do not determine it.
     pub error: f64,
-    /// Why they do not.
+    /// The reason why the rays do not determine it, or why the slices cannot reach it.
     pub why: Option<String>,
 }
 
-/// Azimuths: one in each eighth of a quarter, quarter by quarter.
+/// Number of azimuths. The k-th lies in the k-th eighth of a quarter turn, and the four quarters are taken in turn.
 const AZIMUTHS: usize = 8;
-/// Beyond this the coverage says little about an optical depth.
+/// Above this coverage, the coverage says little about the optical depth.
 const COVERED: f64 = 0.985;
-/// Less than this of its area is what rounding leaves of a blade that is seen along its plane.
+/// A blade that shows a smaller share of its area is seen along its plane, and rounding errors alone make the share.
 const SHOWN: f64 = 1e-9;
-/// A fitted step may be off by so many standard errors of its coverage.
+/// The coverage at a fitted step may differ from the wanted one by this many standard errors.
 const OFF: f64 = 3.0;
 
-/// Fits the projection of `slices` (which has the blades' own until then) to the blades, by rays from so many points of
-/// entry along each side of the rectangle.
+/// Fits the projection of `slices`, which before is that of the blades, to the blades. The rays have `entries` points
+/// of entry along each side of the rectangle.
 ///
 /// # Errors
-/// A stop that was asked for.
+/// [`crate::Error::Interrupted`] after a stop.
 pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<Known>> {
     let rays = Rays { side: entries, level: 0.0, sunlit: false };
     let bar = Bar::new("weights", STEPS as u64 + 1);
     let mut known: Vec<Option<Known>> = vec![None; STEPS + 1];
     let mut why = [None; STEPS + 1];
-    // Along the ground no ray ends.
+    // Step 0 is left out: rays along the ground never leave the layer.
     for k in (1..=STEPS).rev() {
         progress::go_on()?;
         bar.step()?;
@@ -54,7 +55,7 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
             why[k] = Some("nearly all rays end on a blade");
             continue;
         }
-        // More than all that slices show, along the axes where that is least, is not to be had.
+        // Slices cannot give more than all that they show. They show least along the axes.
         let vertical = k as f64 / STEPS as f64;
         let most = slices.shown[0] * (1.0 - vertical * vertical).sqrt() + slices.shown[1] * vertical;
         let own = meadow.projection[k];
@@ -63,12 +64,12 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
             continue;
         }
         let mut off = |times: f64| {
-            // Between two steps straight lines are taken; here the direction is at a step.
+            // Projections are linear between two steps, but these directions lie exactly at a step.
             slices.projection[k] = own * times;
             mean(&|[e, a]| coverage_of_slices(slices, rays, towards(e, a))) - wanted
         };
         let most = most / own;
-        // Points spread over a grid err less than this; both kinds of ray have it.
+        // Points that are spread over a grid have a smaller error than this. Blades and slices use the same points.
         let error = (wanted * (1.0 - wanted) / (entries * entries * AZIMUTHS) as f64).sqrt();
         let (mut low, mut high) = ((0.0, -wanted), (most, off(most)));
         let mut at = high;
@@ -95,7 +96,7 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
         slices.projection[k] = own * at.0;
         known[k] = Some(Known { value: own * at.0, error: own * error / slope, why: why[k].map(String::from) });
     }
-    // What is not determined keeps the ratio of the nearest step that is.
+    // A step that is not determined takes the ratio of the nearest higher step that is.
     let mut ratio = 1.0;
     for k in (0..=STEPS).rev() {
         match &known[k] {
@@ -111,7 +112,7 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
     Ok(known.into_iter().flatten().collect())
 }
 
-/// Elevations and azimuths (degrees) with this |Ω_z|.
+/// Elevations and azimuths, in degrees, of directions with this |Ω_z|.
 fn directions(vertical: f64) -> Vec<[f64; 2]> {
     let azimuth = |k: usize| 90.0 * k as f64 + 90.0 * (k as f64 + 0.5) / AZIMUTHS as f64;
     (0..AZIMUTHS).map(|k| [vertical.asin().to_degrees(), azimuth(k)]).collect()

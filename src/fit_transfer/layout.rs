@@ -1,38 +1,38 @@
-//! Which anchors a scene has, and where the rows of each instance begin.
+//! The anchors of a scene, and the place where the rows of each instance begin.
 
 use crate::Options;
 use mesophyll_transport::transfer::{Anchors, Rows};
 use mesophyll_transport::world::{ReferenceLeaf, World};
 use std::ops::Range;
 
-/// The anchors of one leaf (or wood, or ground) of the world, and what is wanted of each.
+/// The anchors of one leaf (or wood, or ground) of the world, and the rows that each of them has.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OfLeaf {
-    /// Shared by every instance of it.
+    /// The anchors, which all instances of the leaf share.
     pub anchors: Anchors,
-    /// Of each anchor.
+    /// The rows of each anchor.
     pub rows: Rows,
 }
 
-/// The rows of a whole scene: instance by instance, anchor by anchor.
+/// The rows of a whole scene, in the order of the instances and, within an instance, of the anchors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
-    /// In the world's order.
+    /// The leaves, in the world's order.
     pub leaves: Vec<OfLeaf>,
     /// First row of each instance.
     pub first: Vec<usize>,
-    /// Of all instances together.
+    /// Number of rows of all instances together.
     pub rows: usize,
-    /// Which instance is the ground.
+    /// Index of the instance that is the ground.
     pub ground: Option<usize>,
-    /// Anchors of each instance that has rows of its own; 0 of the others.
+    /// Number of anchors of each instance that has rows of its own; 0 for the others.
     each: Vec<usize>,
 }
 
 impl Layout {
-    /// The layout of a world whose first `leaves` leaves are leaves, and the others wood or ground. An instance that is
-    /// not `seen` has no rows of its own: it shares those of another instance of its leaf, since its light is never
-    /// looked at.
+    /// The layout of a world. Its first `leaves` leaves are leaves, and the others are wood or ground. An instance that
+    /// is not `seen` gets no rows of its own, because no picture shows its light. It shares the rows of another
+    /// instance of the same leaf.
     pub fn new(world: &World, leaves: usize, seen: &[bool], options: &Options) -> Layout {
         let of = |(k, leaf): (usize, &ReferenceLeaf)| match k < leaves {
             true => OfLeaf {
@@ -43,7 +43,7 @@ impl Layout {
         };
         let leaves: Vec<OfLeaf> = world.leaves.iter().enumerate().map(of).collect();
         let shown = |k: usize| seen.get(k).is_none_or(|s| *s);
-        // The first of each leaf that is seen, or the first of all.
+        // For each leaf, the first instance that is seen; where none is seen, the first instance.
         let mut stands_for: Vec<Option<usize>> = vec![None; leaves.len()];
         for (k, p) in world.instances.iter().enumerate() {
             let first = &mut stands_for[p.leaf];
@@ -65,7 +65,7 @@ impl Layout {
         Layout { leaves, first, rows, ground: world.ground, each }
     }
 
-    /// Anchors of all instances together.
+    /// Number of anchors of all instances together.
     pub fn anchors(&self) -> usize {
         self.each.iter().sum()
     }
@@ -75,12 +75,12 @@ impl Layout {
         self.each[instance] > 0
     }
 
-    /// Rows of one instance's own.
+    /// Number of rows that belong to one instance alone.
     pub fn rows_of(&self, world: &World, instance: usize) -> usize {
         self.each[instance] * self.leaves[world.instances[instance].leaf].rows.count()
     }
 
-    /// Runs of instances with at least this many anchors each, but for the last.
+    /// Groups of consecutive instances with at least this many anchors each, except for the last group.
     pub(crate) fn parts(&self, anchors: usize) -> Vec<Range<usize>> {
         let (mut out, mut start, mut count) = (Vec::new(), 0, 0);
         for (k, each) in self.each.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! `fit transfer`: what arrives at the leaves of a scene past and by way of other leaves, kept in a folder like any
-//! fit.
+//! `fit transfer`: the light that arrives at the leaves of a scene between and by way of other leaves, stored in a
+//! folder like any fit.
 //!
 //! The folder holds `operators.exr` (the entries of [`mesophyll_transport::transfer::operator`], in half floats),
-//! `sun.visibility` where the sun's shadows are wanted too, `fit.toml` and `times.toml`. It is known by what it was
-//! made from: every mesh, map and place of the scene, and the light where the light stands still. A fit that was
-//! stopped goes on from its finished parts.
+//! `fit.toml` and `times.toml`. With the sun's shadows it also holds `sun.visibility`. The input hash covers every
+//! mesh, map and place of the scene, and the light where the light does not move. A fit that was stopped continues from
+//! its finished parts.
 
 #![warn(missing_docs)]
 
@@ -31,58 +31,58 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is asked of a transfer.
+/// The options of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Anchors along a leaf and across it.
+    /// Number of anchors along a leaf and across it.
     pub anchors: [usize; 2],
-    /// What the light is made of.
+    /// The functions that the light is a sum of.
     pub columns: Columns,
-    /// Bands of the harmonics that a glossy leaf gets, 1 to 7.
+    /// Number of bands of the harmonics for a glossy leaf, 1 to 7.
     pub gloss_bands: usize,
-    /// Paths from each anchor.
+    /// Number of paths from each anchor.
     pub paths: u32,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Compute again although the folder holds this very fit.
+    /// Computes again although the folder holds this very fit.
     pub force: bool,
 }
 
-/// A scene whose transfer is wanted.
+/// A scene and what its transfer is made for.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// Its name.
+    /// Name of the scene.
     pub name: String,
-    /// What stands in it, and its light.
+    /// The things that stand in it, and its light.
     pub world: Arc<World>,
-    /// How many of the world's leaves, from the first, are leaves; the others are wood and ground.
+    /// How many of the world's leaves, counted from the first, are leaves. The others are wood and ground.
     pub leaves: usize,
-    /// Of each instance, whether any picture will show it; what is beyond the end is shown.
+    /// Whether any picture will show each instance. Instances beyond the end of the list count as shown.
     pub seen: Vec<bool>,
-    /// A sun whose shadows are wanted too ([`Scene::under_sun`]).
+    /// The sun whose shadows are computed too ([`Scene::under_sun`]).
     pub sun: Option<Sun>,
 }
 
-/// Bytes of memory that an entry takes while it is worked out: its four numbers as they are traced, scaled, packed and
-/// read again.
+/// Bytes of memory for each entry while it is computed: its four numbers as they are traced, scaled, packed and read
+/// again.
 pub const BYTES_AN_ENTRY: u64 = 64;
 
-/// How entries are found: changes where the same scene gets other entries.
+/// How entries are computed. It changes when the same scene gets other entries.
 const METHOD: &str = "Gaussian neighbourhoods of 32 points; wood by its triangles' middles; in units of the light";
-/// What the parts of this fit hold: changes where their format does.
+/// What the parts of this fit hold. It changes when their format changes.
 const PART: &str = "entries of about 2,000 anchors as EXR, their errors";
-/// Anchors a part at least.
+/// The least number of anchors in a part.
 const ANCHORS_A_PART: usize = 2000;
 
-/// What is told of a finished part beside its entries.
+/// What a finished part records beside its entries.
 #[derive(Serialize, Deserialize)]
 struct Part {
-    /// Of each anchor; see [`transfer::Found`].
+    /// The error at each anchor; see [`transfer::Found`].
     errors: Vec<f32>,
 }
 
-/// Makes the transfer of `scene` in the folder `out`; `inputs` are the files that it is made from, which the folder
-/// must not hold.
+/// Makes the transfer of `scene` in the folder `out`. `inputs` are the files that the scene is made from. They must not
+/// lie in this folder.
 ///
 /// # Errors
 /// [`Error::Input`] for a world that contradicts itself, [`Error::Usage`] where it would need more memory than there
@@ -129,7 +129,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         match store::entries(&path, rows * columns) {
             Ok(found) => entries.extend(found),
             Err(error) => {
-                // It would stand in the way of every further run.
+                // The damaged part would make every further run fail too.
                 let _ = std::fs::remove_dir_all(maker.parts(PART));
                 return Err(Error::input(
                     &path,
@@ -162,7 +162,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// Everything that decides the transfer of a scene.
+/// The hash of everything that decides the transfer of a scene.
 pub fn input_hash(scene: &Scene, options: &Options) -> String {
     let told = format!(
         "{:?} {:?} {} {} {} {:?}",
@@ -183,7 +183,7 @@ pub fn input_hash(scene: &Scene, options: &Options) -> String {
     ])
 }
 
-/// What the record says of the fit.
+/// Writes what the record says of the fit.
 fn describe(record: &mut FitRecord, layout: &Layout, options: &Options, errors: &[f32], entries: usize) {
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("anchors", format!("{}x{} a leaf", options.anchors[0], options.anchors[1]));

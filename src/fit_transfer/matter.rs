@@ -1,4 +1,4 @@
-//! Hashes of what a transfer is made from: everything that light meets, and the light.
+//! Hashes of what a transfer is made from: the surfaces that light meets, and the light.
 
 use glam::DVec3;
 use mesophyll_files::hash;
@@ -6,7 +6,7 @@ use mesophyll_transport::transfer::Columns;
 use mesophyll_transport::world::{Interior, ReferenceLeaf, ReferenceSide, Sunlit, World};
 use std::f64::consts::PI;
 
-/// Hash of every mesh, map and place.
+/// The hash of every mesh, map and place.
 pub fn hash(world: &World, leaves: usize) -> String {
     let each: Vec<String> = world.leaves.iter().map(leaf).collect();
     let places = world.instances.iter().flat_map(|p| {
@@ -19,7 +19,7 @@ pub fn hash(world: &World, leaves: usize) -> String {
     hash::combine(parts.chain([("places", places.as_str()), ("told", told.as_str())]))
 }
 
-/// Directions spread evenly over the sphere, by which a sky is known.
+/// The number of directions, spread evenly over the sphere, whose radiance identifies a sky.
 const DIRECTIONS: usize = 2000;
 
 /// Radiance of the sky in one of the [`DIRECTIONS`].
@@ -31,8 +31,8 @@ fn sky(world: &World, k: usize) -> [f64; 3] {
     world.sky_radiance(DVec3::new(r * cos, r * sin, z))
 }
 
-/// What entries are divided by before they are kept as half floats: about the largest irradiance, where they are the
-/// light itself, which may be in any unit.
+/// The number that entries are divided by before they are stored as half floats. Where entries are the light itself,
+/// which may have any unit, it is about the largest irradiance. Elsewhere it is 1.
 pub fn scale(world: &World, columns: Columns) -> f32 {
     if columns != Columns::Light {
         return 1.0;
@@ -43,7 +43,8 @@ pub fn scale(world: &World, columns: Columns) -> f32 {
     if most.is_normal() { most } else { 1.0 }
 }
 
-/// Hash of sun and sky, and of how the sun comes through leaves. A sky is told by its radiance in 2,000 directions.
+/// The hash of sun and sky, and of the sun's way through leaves. A sky is identified by its radiance in [`DIRECTIONS`]
+/// directions.
 pub fn light_hash(world: &World) -> String {
     let bytes: Vec<u8> = (0..DIRECTIONS).flat_map(|k| sky(world, k)).flat_map(f64::to_le_bytes).collect();
     let mut through = Vec::new();
@@ -92,7 +93,7 @@ fn side(side: &ReferenceSide, put: &mut dyn FnMut(&mut dyn Iterator<Item = f64>)
         Interior::Scalars { gamma, thickness, curve } => {
             maps(gamma);
             maps(std::slice::from_ref(thickness));
-            // The curve is a function: it is told by its values over the thicknesses that there are.
+            // The curve is a function, so the hash takes its values over the range of thicknesses that occur.
             let (low, high) =
                 thickness.iter().fold((f32::INFINITY, 0f32), |(low, high), h| (low.min(*h), high.max(*h)));
             let at = |k: i32| {

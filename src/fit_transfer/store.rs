@@ -1,4 +1,4 @@
-//! A transfer on disk: its entries as four channels of half floats, and a picture of the light in it.
+//! A transfer on disk: its entries as four channels of half floats, and a picture of its light.
 
 use crate::{Layout, Options, SUN, Scene, SunMaps, input_hash};
 use mesophyll_error::{Error, Result};
@@ -9,10 +9,11 @@ use mesophyll_transport::world::World;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The file of all entries, in the order of the [`Layout`]'s rows, columns within a row, as lines of [`LINE`] pixels.
+/// The file of all entries, as lines of [`LINE`] pixels. They are in the order of the [`Layout`]'s rows, and columns
+/// follow each other within a row.
 pub const OPERATORS: &str = "operators.exr";
 
-/// Pixels a line; the last line is filled up with zeros.
+/// Number of pixels in a line. The last line is filled up with zeros.
 const LINE: usize = 256;
 
 const CHANNELS: [&str; 4] = ["between.R", "between.G", "between.B", "straight.Y"];
@@ -22,24 +23,25 @@ const CHANNELS: [&str; 4] = ["between.R", "between.G", "between.B", "straight.Y"
 pub struct Transfer {
     /// Where the rows of each instance are.
     pub layout: Layout,
-    /// What the light is made of.
+    /// The functions that the light is a sum of.
     pub columns: Columns,
-    /// Bands of the harmonics among the rows of a glossy leaf.
+    /// Number of bands of the harmonics among the rows of a glossy leaf.
     pub gloss_bands: usize,
-    /// What the entries are to be multiplied with.
+    /// The factor that the entries are to be multiplied by.
     pub scale: f32,
-    /// Row by row, column by column: light by way of other surfaces (red, green, blue), and straight from the sky.
+    /// The entries, row by row and column by column: light by way of other surfaces (red, green, blue), and light
+    /// straight from the sky.
     pub entries: Vec<[f32; 4]>,
-    /// The sun's shadows, where they were wanted.
+    /// The sun's shadows, where the fit has them.
     pub sun: Option<SunMaps>,
-    /// What stands in the scene, with the meshes that the anchors and the sun's shares belong to.
+    /// The world, with the meshes that the anchors and the sun's shares belong to.
     pub world: Arc<World>,
-    /// What the fit says of itself.
+    /// The record of the fit.
     pub record: FitRecord,
 }
 
 impl Transfer {
-    /// Reads the transfer in `folder`; `None` where it is of another scene, light or option.
+    /// Reads the transfer in `folder`; `None` where it was made for another scene, other light or other options.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file.
@@ -64,7 +66,7 @@ impl Transfer {
     }
 }
 
-/// Entries as an image.
+/// The entries as an image.
 pub(crate) fn maps(entries: &[[f32; 4]]) -> Maps {
     let height = entries.len().div_ceil(LINE).max(1);
     let mut maps = Maps::new(LINE, height);
@@ -79,7 +81,8 @@ pub(crate) fn maps(entries: &[[f32; 4]]) -> Maps {
 /// The first `count` entries of an image.
 ///
 /// # Errors
-/// [`Error::Input`] for a file that cannot be read, that holds fewer, or numbers that are not finite.
+/// [`Error::Input`] for a file that cannot be read, that holds fewer entries, or that holds numbers that are not
+/// finite.
 pub(crate) fn entries(path: &Path, count: usize) -> Result<Vec<[f32; 4]>> {
     let maps = read_exr(path)?;
     let planes: Vec<&[f32]> = CHANNELS.iter().map(|name| maps.require(path, name)).collect::<Result<_>>()?;
@@ -93,8 +96,8 @@ pub(crate) fn entries(path: &Path, count: usize) -> Result<Vec<[f32; 4]>> {
     }
 }
 
-/// A picture of the mean irradiance on each anchor under an even light: a line an instance, an anchor a pixel; front
-/// above, back below.
+/// Writes a picture of the mean irradiance on each anchor under an even light. Each instance has a line and each anchor
+/// a pixel; the front is above and the back below.
 pub(crate) fn preview(out: &Path, layout: &Layout, world: &World, entries: &[[f32; 4]], columns: usize) -> Result<()> {
     let shown = world.instances.len().clamp(1, 256);
     let width = (0..world.instances.len().min(shown))
@@ -106,7 +109,7 @@ pub(crate) fn preview(out: &Path, layout: &Layout, world: &World, entries: &[[f3
     for (k, placed) in world.instances.iter().enumerate().take(shown) {
         let leaf = &layout.leaves[placed.leaf];
         let rows = leaf.rows.count();
-        // A number, or the length of a vector a side.
+        // A row holds a number; three rows of a side are a vector, whose length counts.
         let (sides, parts) = if rows == 1 { (1, 1) } else { (2, 3) };
         for a in 0..leaf.anchors.points.len().min(width) {
             for side in 0..sides {

@@ -1,8 +1,8 @@
-//! Sharp sunlight: which share of the sun's disk the vertices of a scene see, worked out beforehand for every place
+//! Sharp sunlight: the share of the sun's disk that each vertex of a scene sees, computed beforehand for every place
 //! where the sun will stand (light-visibility convolution: Wang et al. 2005, §4).
 //!
-//! The meshes are made finer for it, so that penumbras fit between vertices. Everything else of the transfer is then of
-//! the finer meshes too: they are the same surfaces.
+//! The meshes are refined for this, so that a penumbra covers several vertices. The rest of the transfer then uses the
+//! finer meshes too. They are the same surfaces.
 
 use crate::Scene;
 use glam::DVec3;
@@ -16,15 +16,15 @@ use std::sync::{Arc, mpsc};
 /// The file of all maps.
 pub const SUN: &str = "sun.visibility";
 
-/// Points that stand for the sun's disk: their mean is off by .013 in penumbras (docs/visibility.md).
+/// Number of points that represent the sun's disk. Their mean has an error of .013 in penumbras (docs/visibility.md).
 const POINTS: usize = 64;
-/// Edges of wood may be this much longer than those of leaves: it is a small part of the picture.
+/// Edges of wood may be longer than those of leaves by this factor, because wood is a small part of the picture.
 const WOOD: f64 = 4.0;
 
-/// A sun whose shadows are worked out beforehand.
+/// A sun whose shadows are computed beforehand.
 #[derive(Debug, Clone)]
 pub struct Sun {
-    /// Where its light is known: the vertices of the finer meshes.
+    /// The points at which its light is known: the vertices of the finer meshes.
     pub receivers: Arc<Receivers>,
     light: AreaLight,
     directions: Directions,
@@ -32,48 +32,48 @@ pub struct Sun {
     radius: f64,
 }
 
-/// Maps that were read.
+/// Maps that were read from a file.
 #[derive(Debug, Clone)]
 pub struct SunMaps {
-    /// Where its light is known: the vertices of the finer meshes.
+    /// The points at which the sun's light is known: the vertices of the finer meshes.
     pub receivers: Arc<Receivers>,
-    /// What share of it is seen there, for every place of the sun.
+    /// The share of the sun that each point sees, for every place of the sun.
     pub maps: CodedMaps,
     light: AreaLight,
 }
 
-/// Maps of a sun that moves freely, made by a thread of their own while the picture before is still shown. The thread
-/// begins when the sun first moves.
+/// Maps for a sun that moves freely. A thread makes them while the previous picture is still shown. It starts when the
+/// sun first moves.
 #[derive(Debug)]
 pub struct LiveSun {
     world: Arc<World>,
     receivers: Arc<Receivers>,
     light: AreaLight,
     thread: Thread,
-    /// Asked for last.
+    /// The direction that was asked for last.
     wanted: DVec3,
-    /// Whether the map of it has still to come.
+    /// Whether its map has not arrived yet.
     waiting: bool,
 }
 
 #[derive(Debug)]
 enum Thread {
     NotYet,
-    /// Takes where the sun stands, and gives that place and its map, or why there are none; it ends where nobody can ask
-    /// any more.
+    /// The thread takes the sun's direction, and returns it together with its map or the reason why there is none. The
+    /// thread ends when nobody can ask any more.
     Runs(mpsc::Sender<DVec3>, mpsc::Receiver<Result<(DVec3, Vec<u8>)>>),
-    /// No map can be made; that was said.
+    /// No map can be made, and this has been reported.
     Failed,
 }
 
 impl Scene {
-    /// The scene with meshes whose edges are at most `edge_mm` long, and a sun of angular `radius` (rad) whose shadows
-    /// are worked out for these directions towards it. The ground stays as it is: a shadow on it is too small for
-    /// vertices.
+    /// The scene with meshes whose edges are at most `edge_mm` long, and with a sun of angular `radius` (rad) whose
+    /// shadows are computed for these directions towards the sun. The ground is not refined: a shadow on it is too
+    /// small for vertices.
     ///
     /// # Errors
-    /// [`Error::Usage`] for no direction, or a radius that no sun has; [`Error::Input`] for discs, and for edges that
-    /// are too short for the machine.
+    /// [`Error::Usage`] for an empty list of directions, or for a radius that no sun has; [`Error::Input`] for discs,
+    /// and for edges so short that the machine lacks the memory.
     pub fn under_sun(self, radius: f64, directions: &[DVec3], edge_mm: f64) -> Result<Scene> {
         let ground = self.world.ground.map(|k| self.world.instances[k].leaf);
         let edge = |k: usize| match k {
@@ -98,14 +98,14 @@ impl Scene {
 }
 
 impl Sun {
-    /// Everything that decides the maps beside the scene's meshes and places.
+    /// The hash of everything that decides the maps, except the scene's meshes and places.
     pub(crate) fn hash(&self) -> String {
         let numbers = self.directions.list().iter().flat_map(|d| d.to_array()).chain([self.radius]);
         let bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
         format!("{} points, {} receivers, {}", self.light.len(), self.receivers.len(), hash::bytes(&bytes))
     }
 
-    /// The maps of a world.
+    /// Computes the maps of a world.
     ///
     /// # Errors
     /// [`Error::Interrupted`] after Ctrl-C.
@@ -146,8 +146,8 @@ impl SunMaps {
         Ok(out)
     }
 
-    /// Makes maps for wherever the sun is moved to; `world` is the one whose maps these are, and `shown` where the sun
-    /// of the map stands that is drawn now, with the very numbers that [`LiveSun::follow`] will be asked with.
+    /// Prepares maps for every place that the sun is moved to. `world` is the one that these maps belong to. `shown` is
+    /// the sun's direction in the map that is drawn now, as the very numbers that [`LiveSun::follow`] will get.
     pub fn live(&self, world: Arc<World>, shown: DVec3) -> LiveSun {
         let (receivers, light) = (self.receivers.clone(), self.light.clone());
         LiveSun { world, receivers, light, thread: Thread::NotYet, wanted: shown, waiting: false }
@@ -155,12 +155,12 @@ impl SunMaps {
 }
 
 impl LiveSun {
-    /// Asks for the map of a sun in this direction, where it is another one, and gives the last map that has come since
-    /// the call before: 255 times the share of the sun that every vertex sees, instance by instance.
+    /// Asks for the map of a sun in this direction if the direction is new. Returns the last map that has arrived since
+    /// the previous call: 255 times the share of the sun that every vertex sees, instance by instance.
     ///
     /// # Errors
-    /// Once, after which no map comes any more: [`Error::Input`] for a world that is not sound, [`Error::Missed`] for a
-    /// thread that ended by itself.
+    /// Reported once; after that no map is made any more. [`Error::Input`] for a world that contradicts itself,
+    /// [`Error::Missed`] for a thread that ended by itself.
     pub fn follow(&mut self, towards_sun: DVec3) -> Result<Option<Vec<u8>>> {
         let found = self.ask(towards_sun);
         if found.is_err() {
@@ -177,7 +177,7 @@ impl LiveSun {
         }
         let Thread::Runs(ask, made) = &self.thread else { return Ok(None) };
         if moved {
-            // Where the thread has ended, what it gave says so.
+            // If the thread has ended, its last answer says why.
             self.waiting = true;
             let _ = ask.send(towards_sun);
         }
@@ -203,7 +203,7 @@ impl LiveSun {
         let (done, made) = mpsc::channel();
         let (world, receivers, light) = (self.world.clone(), self.receivers.clone(), self.light.clone());
         let work = move || {
-            // Where the sun went on in the meantime, only its last place counts.
+            // If the sun moved on in the meantime, only its last place counts.
             let places = std::iter::from_fn(|| asked.recv().ok().map(|first| asked.try_iter().last().unwrap_or(first)));
             let follow = |shadows: Shadows| {
                 shadows.follow(places, |direction, map| {

@@ -1,4 +1,4 @@
-//! A transfer that is written is the one that is read, and it is made anew where what it was made from changed.
+//! A transfer is read as it was written, and it is made again when something that it was made from has changed.
 
 use super::*;
 use glam::{DMat4, DVec2, DVec3};
@@ -57,7 +57,7 @@ fn what_is_written_is_what_is_read() {
         let request = Request { columns, paths: 64, seed: 5 };
         let found = transfer::measure(&tracer, &receiver, &request);
         let of_one = &read.entries[read.layout.first[1] * columns.count()..][..found.entries.len()];
-        // A half float has eleven digits.
+        // A half float has a significand of eleven bits.
         for (a, b) in of_one.iter().flatten().zip(found.entries.iter().flatten()) {
             let a = a * read.scale;
             assert!((a - b).abs() <= b.abs() / 1024.0 + 1e-6, "{a} {b}");
@@ -89,7 +89,7 @@ fn another_scene_or_light_is_another_transfer() {
         assert!(own != input_hash(&moved, options) && own != input_hash(&greyer, options));
         assert_eq!(own, input_hash(&dyed, options), "both sides were alike");
     }
-    // Harmonics serve every light.
+    // Harmonics hold for every light, so their hash does not depend on it.
     assert_eq!(input_hash(&base, &bands), input_hash(&darker, &bands));
     assert_ne!(input_hash(&base, &light), input_hash(&darker, &light));
     let more = Options { paths: 65, ..bands };
@@ -110,7 +110,7 @@ fn a_damaged_transfer_is_refused() {
     assert!(told.contains("operators.exr") && told.contains("finite"), "{told}");
 }
 
-/// What no picture shows has no rows: it points to those of another leaf like it.
+/// An instance that no picture shows has no rows. It points to those of another instance of the same leaf.
 #[test]
 fn what_is_never_seen_has_no_rows() {
     let (whole, dir) = (scene(), tempfile::tempdir().unwrap());
@@ -129,11 +129,12 @@ fn what_is_never_seen_has_no_rows() {
     let (first, middle) = rows(&[false, true, false]);
     assert_eq!(first, [0; 3]);
     assert_eq!(middle, entries[one..2 * one]);
-    // Of a leaf that is never seen one has rows all the same.
+    // Where no instance of a leaf is seen, one of them has rows all the same.
     assert_eq!(rows(&[false; 3]).1, entries[..one]);
 }
 
-/// A sun that moves freely gets the map that rays find for where it stands last, and asks for none where it stays.
+/// A sun that moves freely gets the map of its last place, and rays confirm it. No map is asked for while the sun
+/// stands still.
 #[test]
 fn a_live_sun_has_the_map_of_its_last_place() {
     use mesophyll_transport::visibility::{AreaLight, Shadows};
@@ -158,12 +159,12 @@ fn a_live_sun_has_the_map_of_its_last_place() {
     let light = AreaLight::disk(radius, 64).unwrap();
     let rays = Shadows::new(&read.world, &sun.receivers, &light).unwrap().by_rays(last);
     let found = found.expect("no map came");
-    // Points of the disk that an edge just meets may differ: four of 64.
+    // Points of the disk that lie just at an edge may differ: four of 64.
     assert!(found.iter().zip(&rays).all(|(a, b)| a.abs_diff(*b) <= 16), "{found:?} {rays:?}");
     let seen = |map: &[u8]| map.iter().filter(|v| **v > 128).count();
     assert!(seen(&found) > rays.len() / 3 && seen(&found) < rays.len() * 9 / 10, "{}", seen(&found));
     assert_ne!(found, sun.shares(at).unwrap());
-    // A world that is not sound has no maps: that is said once, and nothing is waited for.
+    // A world that contradicts itself has no maps. This is reported once, and then nothing is waited for.
     let mut broken = World::clone(&read.world);
     broken.instances[0].leaf = 7;
     let told = broken.validate().unwrap_err().to_string();

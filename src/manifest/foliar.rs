@@ -1,5 +1,5 @@
-//! Leaves by the layered model of B1 (`docs/foliar.md`), for the path tracer. The real-time renderer shows leaves
-//! with a gloss in their place ([`mesophyll_transport::foliar::StandIn`]).
+//! Leaves that are stated by the layered model of B1 (`docs/foliar.md`). The path tracer draws them. The real-time
+//! renderer shows a leaf with gloss in place of each ([`mesophyll_transport::foliar::StandIn`]).
 
 use super::leaf::Uniform;
 use crate::{Error, Result};
@@ -12,53 +12,54 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// How a leaf of layers is stated.
+/// The layers of a leaf, as the scene file states them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Stated {
-    /// `fsm`: table and lobes; `abm`: rays through the layers, slow.
+    /// `fsm` uses a table and lobes; `abm` follows rays through the layers, which is slow.
     pub model: ModelName,
-    /// Absorption of one crossing of the mesophyll for red, green and blue, without unit; or pigments.
+    /// Absorption of one crossing of the mesophyll for red, green and blue (no unit). Pigments may be given instead.
     pub absorption: Option<[f64; 3]>,
-    /// Table of specific absorptions and refractive indices; the contents then say the absorption.
+    /// Table of specific absorptions and refractive indices. The pigment contents then determine the absorption.
     pub pigments: Option<PathBuf>,
-    /// Wavelengths of red, green and blue (nm).
+    /// Wavelengths that represent red, green and blue (nm).
     pub wavelengths_nm: [f64; 3],
     pub chlorophyll_ug_cm2: f64,
     pub carotenoid_ug_cm2: f64,
     pub protein_ug_cm2: f64,
     pub cellulose_lignin_ug_cm2: f64,
     pub water_g_cm2: f64,
-    /// Of cuticle, mesophyll and antidermal wall; when absent, the table's, or soybean's.
+    /// Refractive indices of cuticle, mesophyll and antidermal wall; when absent, those of the table, or soybean's
+    /// without a table.
     pub indices: Option<[f64; 3]>,
-    /// Of cuticle, epidermis, palisade and spongy tissue.
+    /// Oblateness of the cells of cuticle, epidermis, palisade and spongy tissue.
     pub oblateness: [f64; 4],
-    /// `slant` or `sieve`.
+    /// How the light's path through the mesophyll is computed: `slant` or `sieve`.
     pub path: String,
-    /// What becomes of the chlorophyll as time goes on.
+    /// How the chlorophyll content falls with time; it is constant when absent.
     pub fades_to: Option<FadesTo>,
 }
 
-/// Autumn: chlorophyll falls exponentially with time, from what the leaf states at 0 s to what is stated here. Then it
-/// stays.
+/// Autumn: the chlorophyll content falls exponentially with time, from the leaf's own value at 0 s to the value here.
+/// Then it stays constant.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FadesTo {
-    /// What is left (µg/cm²), above 0.
+    /// Content at the end (µg/cm²), above 0.
     pub chlorophyll_ug_cm2: f64,
-    /// When that is reached (s of a film), above 0.
+    /// Time at which the end is reached (s of a film), above 0.
     pub at_s: f64,
 }
 
 impl Stated {
-    /// The chlorophyll at a time (s), µg/cm².
+    /// The chlorophyll content at a time (s), in µg/cm².
     fn chlorophyll(&self, time_s: f64) -> f64 {
         let first = self.chlorophyll_ug_cm2;
         self.fades_to
             .map_or(first, |last| first * (last.chlorophyll_ug_cm2 / first).powf((time_s / last.at_s).clamp(0.0, 1.0)))
     }
 
-    /// What is wrong with how it fades.
+    /// What is wrong with the stated end, if anything is.
     fn fading_fault(&self) -> Option<String> {
         let FadesTo { chlorophyll_ug_cm2: last, at_s } = self.fades_to?;
         let first = self.chlorophyll_ug_cm2;
@@ -74,7 +75,7 @@ impl Stated {
     }
 }
 
-/// The model's name in a scene.
+/// The model's name in a scene file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ModelName {
@@ -105,12 +106,12 @@ impl Default for Stated {
 }
 
 impl super::Manifest {
-    /// Whether a leaf changes its colour with time.
+    /// Whether any leaf changes its colour with time.
     pub fn fades(&self) -> bool {
         self.leaves.iter().any(|l| l.foliar.as_ref().is_some_and(|f| f.fades_to.is_some()))
     }
 
-    /// Gives leaves that fade the colour that they have at a time (s).
+    /// Gives all leaves that fade their colour at a time (s).
     ///
     /// # Errors
     /// As [`super::Manifest::read`].
@@ -120,8 +121,8 @@ impl super::Manifest {
         Ok(())
     }
 
-    /// Computes the leaves that are stated by their layers as they are at a time (s), or only those that fade, and what
-    /// stands for them in other renderers.
+    /// Computes the leaves that are stated by layers as they are at a time (s), and the leaves that other renderers
+    /// draw in their place. With `fading`, only leaves that fade are computed.
     pub(super) fn layer(&mut self, time_s: f64, fading: bool) -> Result<()> {
         for k in 0..self.leaves.len() {
             let Some(mut stated) = self.leaves[k].foliar.clone() else { continue };
@@ -161,7 +162,7 @@ impl super::Manifest {
         Ok(())
     }
 
-    /// The layers at the wavelengths of red, green and blue.
+    /// The layers at the wavelengths that represent red, green and blue.
     fn layers(&self, stated: &Stated, fault: &dyn Fn(String) -> Error) -> Result<[Layers; 3]> {
         let path: Path = stated
             .path

@@ -1,33 +1,34 @@
-//! Grass on the scene's ground: blades for the path tracer, slices for the renderer in real time.
+//! Grass on the scene's ground. The path tracer draws its blades, and the real-time renderer draws slices.
 
 use serde::Deserialize;
 use std::path::PathBuf;
 
-/// A lawn: a meadow's rectangle laid side by side on the ground.
+/// A lawn: the rectangle of a meadow, laid side by side on the ground.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grass {
-    /// What it is called in what is printed.
+    /// Name of the lawn in printed text.
     pub name: String,
-    /// A description for `mesophyll grow`, or what it makes of it: the blades, which the path tracer draws.
+    /// A description for `mesophyll grow`, or the file that it makes. It holds the blades, which the path tracer draws.
     pub meadow: PathBuf,
-    /// A folder of `fit grass` of this meadow, which the renderer draws; slices are made with every start when absent.
+    /// A folder of `fit grass` for this meadow, which the renderer draws. When absent, slices are made at every start.
     pub fit: Option<PathBuf>,
-    /// What blades reflect and let through, a table a material; the program's own when absent.
+    /// Table of the blades' reflectance and transmittance for each material; the program's own when absent.
     pub leaves: Option<PathBuf>,
-    /// Slices across x and as many across y, where there is no fit.
+    /// Number of slices across x, and the same number across y, where there is no fit.
     pub slices: Option<usize>,
-    /// Texels along a slice and along its height, where there is no fit: powers of two.
+    /// Texels along a slice and along its height, where there is no fit. Both are powers of two.
     pub texels: Option<[usize; 2]>,
-    /// Of the middle, on the ground.
+    /// The middle of the lawn on the ground.
     #[serde(default)]
     pub position_mm: [f64; 2],
-    /// How often the rectangle is laid along x and along y.
+    /// How many rectangles are laid along x and along y.
     pub tiles: [usize; 2],
-    /// A ray crosses at most so many slices; what it gathered stands for the rest.
+    /// The largest number of slices that a ray crosses. What it has gathered by then represents the rest.
     #[serde(default = "steps")]
     pub steps: usize,
-    /// How far the wind leans blades: the way of a point over its height, for each m/s. 0: they stand still in any wind.
+    /// How far the wind leans blades: the displacement of a point over its height, for each m/s. With 0 they stand
+    /// still in any wind.
     #[serde(default)]
     pub lean_per_m_s: f64,
 }

@@ -1,4 +1,4 @@
-//! Leaves that a scene may show: where their data come from, and what is drawn of them.
+//! The leaves that a scene may show: where their data come from, and how they are drawn.
 
 use super::foliar::Stated;
 use mesophyll_files::mesh::Unit;
@@ -10,31 +10,32 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A leaf the scene may show: a fit folder, and where the fit comes from when it is missing or stale.
+/// A leaf that the scene may show: a fit folder, and the source of the fit where it is missing or stale.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Leaf {
-    /// What instances call it.
+    /// The name by which instances refer to it.
     pub name: String,
-    /// Another leaf's name: this one is drawn from the same data, where they come from is said there.
+    /// The name of another leaf. This leaf is drawn from the same data, and only the other leaf says where they come
+    /// from.
     pub like: Option<String>,
     /// A folder of `fit leaf`.
     pub fit: Option<PathBuf>,
-    /// A folder with a scan, which the fit is made from.
+    /// A folder with a scan, from which the fit is made.
     pub capture: Option<PathBuf>,
-    /// A synthetic scan, made where there is no capture.
+    /// A synthetic scan, which is made where there is no capture.
     pub scan: Option<Scan>,
-    /// glTF; the fit's own blade when absent.
+    /// A glTF file with the mesh; the fit's own blade when absent.
     pub mesh: Option<PathBuf>,
-    /// A material of the plant or meadow that `mesh` is (or describes, for `mesophyll grow`): all its blades of this
-    /// material, where they stand, are the mesh.
+    /// A material of the plant or meadow that `mesh` holds (or describes, for `mesophyll grow`). All its blades of this
+    /// material together are the mesh, each where it stands.
     pub part: Option<String>,
-    /// Discs instead of a mesh, a line each: radius, centre x y z, normal x y z. For a uniform leaf that the path
-    /// tracer draws.
+    /// A file with discs instead of a mesh. Each line has a radius, a centre x y z and a normal x y z. Only a uniform
+    /// leaf that the path tracer draws can have discs.
     pub discs: Option<PathBuf>,
-    /// Of that file's lengths; when absent, what the file says, or glTF's metre.
+    /// Unit of the lengths in that file; when absent, the unit that the file states, or metres for glTF.
     pub mesh_unit: Option<Unit>,
-    /// Where its diffuse reflectance and transmittance come from.
+    /// The source of its diffuse reflectance and transmittance.
     #[serde(default)]
     pub interior: Interior,
     /// The distribution of its gloss.
@@ -42,40 +43,42 @@ pub struct Leaf {
     pub lobe: LobeKind,
     /// Index of refraction of the `cook-torrance` lobe.
     pub index: Option<f64>,
-    /// The same everywhere on the leaf, instead of a fit; needs a mesh.
+    /// A reflection that is the same everywhere on the leaf, instead of a fit. It needs a mesh.
     pub uniform: Option<Uniform>,
-    /// Layers of tissue instead of a fit; needs a mesh.
+    /// Layers of tissue instead of a fit. They need a mesh.
     pub foliar: Option<Stated>,
-    /// What those layers do to light.
+    /// The optical model that is computed from those layers.
     #[serde(skip)]
     pub layers: Option<Arc<Foliar>>,
-    /// How the sun comes through as it turns; by ρt and the mapped normal alone when absent.
+    /// How transmitted sunlight depends on the sun's direction. When absent, it follows from ρt and the mapped normal
+    /// alone.
     pub translucency: Option<Translucency>,
 }
 
 impl Leaf {
-    /// The lobe that the leaf is fitted and drawn with.
+    /// The lobe with which the leaf is fitted and drawn.
     pub fn lobe(&self) -> Lobe {
         Lobe::of(self.lobe, self.index.unwrap_or(1.5))
     }
 
-    /// The name that its data go by in a run's folder.
+    /// The name of its data in a run's folder.
     pub fn data_name(&self) -> &str {
         self.like.as_deref().unwrap_or(&self.name)
     }
 }
 
-/// A leaf whose reflection is stated: f_r = ρd/π and the gloss ρs·f_s on either side, f_t = ρt/π both ways.
+/// A leaf whose reflection is stated: on either side f_r = ρd/π + ρs·f_s, where ρs·f_s is the gloss, and in both
+/// directions f_t = ρt/π.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Uniform {
     /// Diffuse reflectance of the front and of the back, linear sRGB.
     pub rho_d: [[f64; 3]; 2],
-    /// Transmittance, both ways.
+    /// Transmittance, the same in both directions.
     pub rho_t: [f64; 3],
-    /// Of the gloss, on both sides; it is added without dimming ρd. Matte when absent.
+    /// Reflectance ρs of the gloss on both sides. ρd is not reduced by it. The leaf is matte when this is absent.
     pub rho_s: Option<[f64; 3]>,
-    /// Slope of the gloss.
+    /// Root mean square slope m of the gloss.
     #[serde(default = "slope")]
     pub m: f64,
 }
@@ -85,31 +88,31 @@ fn slope() -> f64 {
 }
 
 impl Uniform {
-    /// ρs, where it is not zero.
+    /// ρs, unless it is zero.
     pub fn gloss(&self) -> Option<[f64; 3]> {
         self.rho_s.filter(|rho_s| rho_s.iter().any(|v| *v > 0.0))
     }
 }
 
-/// Translucency maps of a leaf, made from its fit.
+/// Translucency maps of a leaf, which are made from its fit.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Translucency {
-    /// A folder of `fit translucency`; made in the run's own folder when it is absent or not there.
+    /// A folder of `fit translucency`. The maps are made in the run's own folder when it is absent or does not exist.
     pub fit: Option<PathBuf>,
-    /// What light is sent through when they are made.
+    /// The tissue model for the light inside the blade.
     #[serde(default)]
     pub tissue: TissueName,
-    /// One factor for all colours, or coefficients a channel.
+    /// Whether there is one factor for all colours, or coefficients for each channel.
     #[serde(default)]
     pub colour: Colour,
-    /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the
-    /// two.
+    /// The basis with which maps are made, and which a named folder must have. When absent, maps are made with the
+    /// default, and a folder may have either of the two.
     pub basis: Option<Basis>,
 }
 
 impl Translucency {
-    /// What `fit translucency` is told of it.
+    /// The options for `fit translucency`.
     pub fn options(&self) -> Options {
         Options {
             tissue: TissueFrom::Named(self.tissue),
@@ -120,30 +123,31 @@ impl Translucency {
     }
 }
 
-/// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.
+/// A synthetic scan to make when there is no capture: the options of `mesophyll synth`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scan {
     /// A description for `mesophyll synth`.
     pub spec: PathBuf,
-    /// Texels across and down, as `240x180`; the specification's own when absent.
+    /// Texels across and down, such as `240x180`; those of the specification when absent.
     pub size: Option<String>,
-    /// Width and height of what is scanned, around the middle of the specification's field; all of it when absent.
+    /// Width and height of the scanned part, around the middle of the specification's field; the whole field when
+    /// absent.
     pub field_mm: Option<[f64; 2]>,
-    /// Absorption and scattering of the leaf's inside (1/mm; red, green, blue) in place of the specification's.
+    /// Absorption coefficient of the leaf's inside (1/mm; red, green, blue), in place of the specification's.
     pub sigma_a: Option<[f64; 3]>,
-    /// See `sigma_a`.
+    /// Scattering coefficient, in the same units.
     pub sigma_s: Option<[f64; 3]>,
-    /// Frames a pass; the specification's own when absent.
+    /// Number of frames in a pass; that of the specification when absent.
     pub frames: Option<usize>,
-    /// Relative standard deviation of a reading; the specification's own when absent.
+    /// Relative standard deviation of a reading; that of the specification when absent.
     pub noise: Option<f64>,
-    /// Of the noise; the specification's own when absent.
+    /// Seed of the noise; that of the specification when absent.
     pub seed: Option<u64>,
 }
 
 impl Scan {
-    /// Texels across and down, where `size` says them as in `240x180`.
+    /// Texels across and down, from a `size` such as `240x180`.
     pub fn texels(&self) -> Option<(usize, usize)> {
         let (w, h) = self.size.as_deref()?.split_once('x')?;
         let one = |t: &str| t.trim().parse::<usize>().ok().filter(|v| (1..=16_384).contains(v));
@@ -151,11 +155,11 @@ impl Scan {
     }
 }
 
-/// Where ρd and ρt come from: W's scalars σa and σs with γ and δ maps, or per-texel pigment maps.
+/// The source of ρd and ρt: W's scalars σa and σs with γ and δ maps, or pigment maps with values for each texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interior {
-    /// σa and σs are one number a channel; γ and δ are maps.
+    /// σa and σs are one number for each channel; γ and δ are maps.
     #[default]
     Scalars,
     /// ρd and ρt are maps.

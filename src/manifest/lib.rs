@@ -1,8 +1,8 @@
-//! Scene manifests: which leaves stand where, what lights them, who looks, and how close a picture must come to its
-//! reference.
+//! Scene manifests: which leaves stand where, which lights shine on them, where the cameras are, and how close a
+//! picture must come to its reference.
 //!
-//! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is
-//! relative to the scene file. Unknown fields are errors; an error names file, line and field.
+//! Lengths are in mm and angles in degrees. World z is up. The light sets the unit of radiance, and colours are linear
+//! sRGB. A path is relative to the scene file. Unknown fields are errors; an error names file, line and field.
 
 #![warn(missing_docs)]
 
@@ -30,27 +30,27 @@ use mesophyll_files::numbers;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// `data/scenes/*.toml` (format: `data/scenes/README.md`).
+/// The content of `data/scenes/*.toml` (format: `data/scenes/README.md`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// Version of the format.
     pub schema: u32,
-    /// What the scene is called in what is printed.
+    /// Name of the scene in printed text.
     pub name: String,
-    /// A sentence for readers.
+    /// A description for readers.
     #[serde(default)]
     pub description: String,
-    /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan
-    /// may cause; a check needs one.
+    /// The largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the
+    /// plan may cause. A check needs this limit.
     pub tolerance: Option<f64>,
-    /// What radiance is multiplied with before it is displayed.
+    /// The factor that radiance is multiplied by before it is displayed.
     #[serde(default = "one")]
     pub exposure: f64,
-    /// Radiance of what nothing covers, where the sky does not say.
+    /// Radiance where nothing stands, unless the sky determines it.
     #[serde(default)]
     pub background: [f64; 3],
-    /// What leaves look like.
+    /// The leaves that instances may show.
     #[serde(default, rename = "leaf")]
     pub leaves: Vec<Leaf>,
     /// Leaves that stand alone or hang on a branch.
@@ -66,27 +66,27 @@ pub struct Manifest {
     /// Branches that bend.
     #[serde(default, rename = "branch")]
     pub branches: Vec<Branch>,
-    /// What moves them; without it nothing moves.
+    /// The wind that moves the branches. Without it nothing moves.
     pub wind: Option<Wind>,
     /// Lawns on the ground.
     #[serde(default)]
     pub grass: Vec<Grass>,
-    /// What everything stands on.
+    /// The ground that everything stands on.
     pub ground: Option<Ground>,
-    /// The scene repeats for ever.
+    /// The period, in a scene that repeats without end.
     pub periodic: Option<Periodic>,
-    /// Without it there is no direct sunlight.
+    /// The sun; without it there is no direct sunlight.
     pub sun: Option<Sun>,
-    /// Without it there is no light but the sun's.
+    /// The sky; without it the sun is the only light.
     pub sky: Option<Sky>,
-    /// Hours at which it is drawn too.
+    /// Hours of a day at which the scene is drawn too.
     pub day: Option<Day>,
-    /// Light from leaf to leaf in real time; without it every leaf is lit as if it stood alone.
+    /// Light between leaves in real time. Without it every leaf is lit as if it stood alone.
     pub transfer: Option<Transfer>,
-    /// How it is looked at.
+    /// The views: cameras, and what they show.
     #[serde(default, rename = "view")]
     pub views: Vec<View>,
-    /// For pictures by `render --tone film`.
+    /// The camera's exposure, for pictures by `render --tone film`.
     pub camera: Option<Camera>,
     /// How its pictures are judged.
     #[serde(default)]
@@ -116,7 +116,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Gives leaves that are like another one its data.
+    /// Gives a leaf that is `like` another one the data of that leaf.
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
@@ -136,8 +136,8 @@ impl Manifest {
         }
     }
 
-    /// Adds a view from above to a scene without a perspective view, for those who ask what stands in it without a
-    /// picture.
+    /// Adds a view from above to a scene without a perspective view, for callers that want to know what stands in it
+    /// but need no picture.
     pub fn look_from_above(&mut self) {
         if !self.views.iter().any(|v| v.kind == ViewKind::Perspective) {
             let (eye_mm, up) = (Some([0.0, 0.0, 1e6]), Some([0.0, 1.0, 0.0]));
@@ -152,7 +152,7 @@ impl Manifest {
         }
     }
 
-    /// Puts an instance at every position of its list.
+    /// Replaces an instance with a list of positions by one instance for each position.
     fn spread(&mut self) -> Result<()> {
         let mut out = Vec::new();
         for instance in &self.instances {
@@ -170,7 +170,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// A path of the manifest, as seen from the working folder.
+    /// A path of the manifest, relative to the working folder.
     pub fn resolve(&self, relative: &Path) -> PathBuf {
         match self.path.parent() {
             Some(folder) if relative.is_relative() && !folder.as_os_str().is_empty() => tidy(&folder.join(relative)),
@@ -178,13 +178,13 @@ impl Manifest {
         }
     }
 
-    /// Largest error of a displayed value that one shortcut of the plan may cause; where the scene does not say, the
-    /// step between two values of an 8-bit picture.
+    /// The largest error of a displayed value that one shortcut of the plan may cause. Where the scene does not state
+    /// it, it is the step between two values of an 8-bit picture.
     pub fn tolerated(&self) -> f64 {
         self.tolerance.unwrap_or(1.0 / 255.0)
     }
 
-    /// Whether the scene says all that a check judges by.
+    /// Whether the scene states every limit that a check needs.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first limit that is missing: `tolerance`, or a view's `max_error` or `flip_p99`.
@@ -205,15 +205,15 @@ impl Manifest {
         Ok(())
     }
 
-    /// Whether the sky is a model's.
+    /// Whether the sky is a physical model.
     pub fn physical_sky(&self) -> bool {
         self.sky.as_ref().is_some_and(|s| s.model.is_some())
     }
 
-    /// What radiance is multiplied with in a picture by a film's curve: by the scene's camera where it has one.
+    /// The factor for radiance in a picture with a film's curve. It comes from the scene's camera where there is one.
     pub fn film_exposure(&self) -> f64 {
         let unit = self.sky.as_ref().and_then(|s| s.scale).unwrap_or(1.0);
-        // A kcd/m² is `unit` scene units.
+        // A radiance of 1 kcd/m² is `unit` scene units.
         self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
     }
 
@@ -222,18 +222,18 @@ impl Manifest {
         self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
     }
 
-    /// Where the branch of this name stands in the list.
+    /// The index of the branch with this name.
     pub fn branch_index(&self, name: &str) -> Option<usize> {
         self.branches.iter().position(|b| b.name == name)
     }
 
-    /// Where the leaf of this name stands in the list.
+    /// The index of the leaf with this name.
     pub fn leaf_index(&self, name: &str) -> Option<usize> {
         self.leaves.iter().position(|l| l.name == name)
     }
 }
 
-/// `a/b/../c` → `a/c`, as far as the text tells.
+/// Turns `a/b/../c` into `a/c`, without looking at the file system.
 fn tidy(path: &Path) -> PathBuf {
     use std::path::Component;
     let mut out: Vec<Component> = Vec::new();

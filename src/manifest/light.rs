@@ -1,4 +1,4 @@
-//! What lights a scene: a sun, a sky, and the hours of a day.
+//! The light of a scene: a sun, a sky, and the hours of a day.
 
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -7,57 +7,57 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sun {
-    /// From straight up; more than 90 shines from below.
+    /// Angle from straight up. With more than 90 the sun shines from below.
     pub zenith_deg: f64,
-    /// From +x towards +y.
+    /// Azimuth, from +x towards +y.
     #[serde(default)]
     pub azimuth_deg: f64,
-    /// On a surface that faces the sun; under a physical sky the model's own when absent.
+    /// Irradiance on a surface that faces the sun; under a physical sky, the model's own when absent.
     pub irradiance: Option<[f64; 3]>,
-    /// Of the disk; the real sun's when absent.
+    /// Angular radius of the disk; the real sun's when absent.
     #[serde(default = "sun_radius")]
     pub radius_deg: f64,
-    /// The sun will stand elsewhere too: the sky comes from the polynomial fit.
+    /// Whether the sun will also stand elsewhere. Then the sky comes from the polynomial fit.
     #[serde(default)]
     pub moves: bool,
 }
 
-/// A constant sky all around, a physical one above the horizon, or an environment map.
+/// A constant sky all around, a physical sky above the horizon, or an environment map.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sky {
-    /// Of the constant sky.
+    /// Radiance of a constant sky.
     pub radiance: Option<[f64; 3]>,
-    /// A picture of all that is around, an EXR with zenith angle down and azimuth across.
+    /// An environment map: an EXR picture of everything around, with the zenith angle down and the azimuth across.
     pub environment: Option<PathBuf>,
-    /// Of the physical one.
+    /// The model of a physical sky.
     pub model: Option<SkyModel>,
-    /// From 2 (clear) to 10 (hazy).
+    /// Turbidity of the physical sky, from 2 (clear) to 10 (hazy).
     pub turbidity: Option<f64>,
-    /// Of a level, matte ground that lights the scene from below; none when absent.
+    /// Reflectance of a level, matte ground that lights the scene from below; there is none when absent.
     pub ground_albedo: Option<[f64; 3]>,
-    /// Scene units of radiance a kcd/m²; 1 when absent.
+    /// Scene units of radiance for 1 kcd/m²; 1 when absent.
     pub scale: Option<f64>,
 }
 
-/// Light between leaves, worked out before the first picture (`mesophyll fit transfer`): how finely.
+/// Light between leaves, which is computed before the first picture (`mesophyll fit transfer`), and its resolution.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Transfer {
-    /// A folder of `fit transfer`; where it is of another scene, or absent, a run makes one.
+    /// A folder of `fit transfer`. Where it is absent or belongs to another scene, a run makes its own.
     pub fit: Option<PathBuf>,
-    /// Anchors along a leaf and across it.
+    /// Number of anchors along a leaf and across it.
     pub anchors: [usize; 2],
-    /// Paths from each anchor.
+    /// Number of paths from each anchor.
     pub paths: u32,
-    /// Bands of the light's harmonics, for a light that moves. When absent: 5 where the sun moves, and no harmonics
-    /// but the light itself where it stands still.
+    /// Number of bands of the light's harmonics, for a light that moves. When absent, it is 5 where the sun moves.
+    /// Where the sun stands still, no harmonics are used, but the light itself.
     pub bands: Option<usize>,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
     /// How the sun's own shadows are drawn.
     pub shadows: Shadows,
-    /// With `shadows = "visibility"`: the longest edge of the meshes at whose vertices they are known.
+    /// With `shadows = "visibility"`, the longest edge of the meshes. The share of the sun is known at their vertices.
     pub edge_mm: f64,
 }
 
@@ -79,10 +79,10 @@ impl Default for Transfer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Shadows {
-    /// By shadow maps, in the picture's own time.
+    /// Shadow maps, which are drawn in the picture's own time.
     #[default]
     Maps,
-    /// By the share of the sun that every vertex sees, worked out beforehand.
+    /// The share of the sun that every vertex sees, which is computed beforehand.
     Visibility,
 }
 
@@ -94,21 +94,21 @@ pub enum SkyModel {
     Preetham,
 }
 
-/// Solar hours at which the scene is drawn too.
+/// A day with solar hours at which the scene is drawn too.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Day {
-    /// Positive to the north.
+    /// Latitude, positive to the north.
     pub latitude_deg: f64,
-    /// Of the sun: 0 at the equinoxes, 23.44 in June.
+    /// Declination of the sun: 0 at the equinoxes, 23.44 in June.
     #[serde(default)]
     pub declination_deg: f64,
-    /// 12 is noon.
+    /// Solar hours; 12 is noon.
     pub hours: Vec<f64>,
 }
 
 impl Day {
-    /// Zenith angle and azimuth (rad) of the sun at a solar hour; +x is east, +y north.
+    /// Zenith angle and azimuth (rad) of the sun at a solar hour. +x is east and +y is north.
     pub fn sun(&self, hour: f64) -> (f64, f64) {
         let (sin_d, cos_d) = self.declination_deg.to_radians().sin_cos();
         let (sin_l, cos_l) = self.latitude_deg.to_radians().sin_cos();

@@ -1,4 +1,4 @@
-//! Who looks, and how a picture is checked against its reference.
+//! The cameras of a scene, and how a picture is checked against its reference.
 
 use mesophyll_capture::manifest::Travel;
 use mesophyll_optics::side::Side;
@@ -11,21 +11,22 @@ pub enum ViewKind {
     /// The scene as it stands.
     #[default]
     Perspective,
-    /// A flat patch with one leaf's mean parameters, lit as the scene is: its radiance is known in closed form.
+    /// A flat patch with the mean parameters of one leaf, under the scene's light. Its radiance is known in closed
+    /// form.
     Card,
-    /// A leaf as its own scan saw it, from the fit, against a frame that the fit did not see.
+    /// A leaf as its scan saw it, drawn from the fit and compared with a frame that the fit did not use.
     Capture,
 }
 
-/// What light through translucency maps is judged against.
+/// What transmitted light by translucency maps is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JudgedBy {
-    /// The full convolution for this very sun.
+    /// The full convolution for the sun's present direction.
     #[default]
     Convolution,
-    /// The reference by the stored coefficients: the renderer alone is judged, and what the basis costs is reported
-    /// beside it.
+    /// The reference with the stored coefficients. Then only the renderer is judged, and the error of the basis is
+    /// reported separately.
     Maps,
 }
 
@@ -33,42 +34,43 @@ pub enum JudgedBy {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
-    /// What its files are called.
+    /// Name of the view, which its files carry.
     pub name: String,
     /// What it shows.
     pub kind: ViewKind,
-    /// Where the camera is.
+    /// Place of the camera.
     pub eye_mm: Option<[f64; 3]>,
-    /// What it looks at.
+    /// Place that it looks at.
     pub target_mm: Option<[f64; 3]>,
-    /// What is up in the picture; z when absent.
+    /// Direction that is up in the picture; z when absent.
     pub up: Option<[f64; 3]>,
-    /// From the bottom of the picture to its top.
+    /// Field of view from the bottom of the picture to its top.
     pub fov_deg: Option<f64>,
-    /// The card's or the scan's leaf, and how the card is turned.
+    /// The leaf of the card or of the scan.
     pub leaf: Option<String>,
-    /// About x, then y, then z.
+    /// How the card is turned: angles about x, then y, then z.
     pub rotation_deg: Option<[f64; 3]>,
-    /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it
-    /// is the brightest one that the fit keeps.
+    /// Side of the scan's held-out frame; the front when absent. Side, `pass` and `frame` select the frame. Of the
+    /// frames that match, the brightest one that the fit keeps is taken.
     pub side: Option<Side>,
     /// The axis along which the tube travelled.
     pub pass: Option<Travel>,
     /// Number of the frame in its pass.
     pub frame: Option<usize>,
-    /// When the scene is seen, instead of the wind's own time.
+    /// Time at which the scene is seen, instead of the wind's `time_s`.
     pub time_s: Option<f64>,
     /// Largest 99th percentile of FLIP against the reference.
     pub flip_p99: Option<f64>,
-    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to
-    /// the closed form; for a scan, how far the picture may be off in units of the measurement's noise.
+    /// For a perspective view, the largest difference of a displayed value (0 to 1) over interior pixels. For a card,
+    /// the largest relative difference of the radiance from the closed form. For a scan, the allowed error of the
+    /// picture in units of the measurement's noise.
     pub max_error: Option<f64>,
-    /// Largest median frame time (ms); judged on real GPUs only.
+    /// Largest median time of a frame (ms), which is judged on real GPUs only.
     pub frame_ms: Option<f64>,
-    /// Pictures are compared by the means of blocks of so many pixels a side: where what is drawn stands for what is there
-    /// in the mean only, as slices do for a lawn's blades.
+    /// Side of blocks in pixels. Pictures are compared by the means of these blocks, where the picture is right only on
+    /// average, as with slices for a lawn's blades.
     pub blocks: Option<u32>,
-    /// What translucency is compared with.
+    /// What transmitted light is compared with.
     #[serde(default)]
     pub judged_by: JudgedBy,
 }
@@ -79,9 +81,9 @@ pub struct View {
 pub struct Camera {
     /// Focal length over the width of the aperture.
     pub f_number: f64,
-    /// How long it is open.
+    /// Time for which the shutter is open.
     pub shutter_s: f64,
-    /// The film's or the sensor's speed.
+    /// Speed of the film or of the sensor.
     #[serde(default = "iso")]
     pub iso: f64,
 }
@@ -91,15 +93,15 @@ fn iso() -> f64 {
 }
 
 impl Camera {
-    /// What luminance (cd/m²) is multiplied with, so that 1 is where a sensor of this speed saturates (ISO 12232;
-    /// Lagarde & de Rousiers 2014, §5.1.1): 1/(1.2 · 2^EV), with EV = log₂(N²/t · 100/S).
+    /// The factor for luminance (cd/m²) that maps the luminance at which a sensor of this speed saturates to 1 (ISO
+    /// 12232; Lagarde & de Rousiers 2014, §5.1.1): 1/(1.2 · 2^EV), where EV = log₂(N²/t · 100/S).
     pub fn exposure(&self) -> f64 {
         let light = self.f_number.powi(2) / self.shutter_s * 100.0 / self.iso;
         1.0 / (1.2 * light)
     }
 }
 
-/// How a check is done.
+/// The settings of a check.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Check {
@@ -107,11 +109,11 @@ pub struct Check {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Rays a pixel of the reference.
+    /// Rays for each pixel of the reference.
     pub samples: u32,
-    /// Frames timed a view.
+    /// Frames that are timed for each view.
     pub frames: u32,
-    /// Seed of the reference; its noise is measured against the next seed.
+    /// Seed of the reference. Its noise is measured by comparison with the next seed.
     pub seed: u64,
 }
 

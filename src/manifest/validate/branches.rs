@@ -5,7 +5,7 @@ use super::place::Place;
 use crate::Result;
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
 
-/// As many as the renderer takes.
+/// The largest number of branches that the renderer takes.
 const MOST_BRANCHES: usize = 128;
 
 pub fn branches(p: &Place) -> Result<()> {

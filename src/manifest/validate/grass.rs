@@ -1,13 +1,14 @@
-//! Grass: it stands on a ground, and comes from a fit or from figures to make slices by.
+//! Checks grass: it needs a ground, and its slices come from a fit or from stated figures.
 
 use super::place::Place;
 use crate::Result;
 
-/// Rectangles of a lawn; each is an instance for the path tracer.
+/// The largest number of rectangles in a lawn. Each is an instance for the path tracer.
 const MOST_TILES: usize = 1_000_000;
-/// How far from the origin a lawn's middle may be along x or y (mm): single precision has steps of 1/16 mm there.
+/// The largest distance of a lawn's middle from the origin along x or y (mm). Single precision has steps of 1/16 mm
+/// there.
 const FARTHEST: f64 = 1e6;
-/// As the renderer has it.
+/// The renderer's own limit.
 const MOST_STEPS: f64 = 256.0;
 
 pub fn grass(p: &Place) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Leaves: one source of data each, and the fields that go together.
+//! Checks leaves: each has one source of data, and its fields belong together.
 
 use super::place::Place;
 use crate::{Interior, Leaf, Result, Uniform};
@@ -105,10 +105,11 @@ pub fn leaves(p: &Place) -> Result<()> {
     Ok(())
 }
 
-/// Rounding that ρd + ρt = 1 may carry: numbers of six digits.
+/// The rounding error that ρd + ρt = 1 may have when the numbers have six digits.
 const ROUNDING: f64 = 2e-6;
 
-/// A leaf that is the same everywhere has a mesh, and nothing that asks for maps. `key` says how it is stated.
+/// Checks a leaf that is the same everywhere: it has a mesh, and no field that needs maps. `key` is the field that
+/// states it.
 fn without_maps(p: &Place, i: usize, key: &str, leaf: &Leaf, fitted: bool) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
     for (other, given) in [

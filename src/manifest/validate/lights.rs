@@ -1,4 +1,5 @@
-//! Sun, sky and day: a physical sky needs a sun, and only one has a sun that moves.
+//! Checks sun, sky, day, camera and the light between leaves. A physical sky needs a sun, and only under a physical sky
+//! can the sun move.
 
 use super::place::Place;
 use crate::{Day, Result, Sky};

@@ -1,4 +1,4 @@
-//! What a scene manifest must say, beyond having the right fields. An error names file, line and field.
+//! Checks what a scene manifest must state, beyond having the right fields. An error names file, line and field.
 
 mod branches;
 mod grass;
@@ -12,15 +12,16 @@ use super::Manifest;
 use crate::Result;
 use place::{Place, plain};
 
-/// Most pixels of a side, samples, and seconds of a wind: beyond these a typing error is likelier than a wish.
+/// The largest numbers of pixels along a side, of samples, and of seconds of a wind. A larger number is more likely a
+/// typing error than meant.
 const MOST_PIXELS: u32 = 8192;
 const MOST_SAMPLES: u32 = 1 << 16;
 const MOST_SECONDS: f64 = 1e6;
 
-/// Checks everything the types do not.
+/// Checks everything that the types cannot ensure.
 ///
 /// # Errors
-/// [`Error::Input`] for the first thing that is wrong.
+/// [`Error::Input`] for the first fault.
 pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     let p = Place { manifest: m, text };
     if m.schema != 1 {

@@ -1,17 +1,17 @@
-//! Where in a scene file something is wrong, and the checks that many fields share.
+//! The place of a fault in a scene file, and the checks that many fields share.
 
 use crate::{Error, Leaf, Manifest, Result};
 use mesophyll_error::Fault;
 use std::collections::BTreeSet;
 
-/// The manifest and its text, which tells the line of a mistake.
+/// The manifest and its text. The text tells the line of a fault.
 pub struct Place<'a> {
     pub manifest: &'a Manifest,
     pub text: &'a str,
 }
 
 impl<'a> Place<'a> {
-    /// An error at `key` of the `index`-th `header` (`""`: the top of the file).
+    /// An error at `key` of the `index`-th table with this `header` (`""` means the top of the file).
     pub fn error(&self, header: &str, index: usize, key: &str, what: impl std::fmt::Display) -> Error {
         let table = header.trim_matches(['[', ']']);
         let field = match (table, key) {
@@ -78,7 +78,7 @@ impl<'a> Place<'a> {
         ))
     }
 
-    /// A leaf that a view compares with its fit.
+    /// Checks that the leaf of a view that compares it with its fit exists and is fitted.
     pub fn fitted_leaf(&self, header: &str, index: usize, name: &str) -> Result<()> {
         self.leaf(header, index, "leaf", name)?;
         let stated = |leaf: &Leaf| match (&leaf.uniform, &leaf.foliar) {
@@ -92,13 +92,13 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// Nothing seen yet of the names in tables with this header; `what` is what one of them is called.
+    /// An empty record of the names in tables with this header. `what` says what is named, for errors.
     pub fn names(&self, header: &'static str, what: &'static str) -> Names<'a, '_> {
         Names { place: self, header, what, seen: BTreeSet::new() }
     }
 }
 
-/// The names in the tables of one header: plain enough for the name of a file, and each used once.
+/// The names in the tables of one header. Each must be plain enough for a file's name, and used once only.
 pub struct Names<'a, 'p> {
     place: &'p Place<'a>,
     header: &'static str,
@@ -107,10 +107,10 @@ pub struct Names<'a, 'p> {
 }
 
 impl<'a> Names<'a, '_> {
-    /// Takes the `index`-th table's name.
+    /// Records the name of the `index`-th table.
     ///
     /// # Errors
-    /// [`Error::Input`] for other characters than letters, digits, - and _, and for a name that another table has.
+    /// [`Error::Input`] for characters other than letters, digits, - and _, and for a name that another table has.
     pub fn take(&mut self, index: usize, name: &'a str) -> Result<()> {
         if !plain(name) {
             return Err(self.place.error(
@@ -133,12 +133,13 @@ impl<'a> Names<'a, '_> {
     }
 }
 
-/// Letters, digits, - and _: what may name a file.
+/// Whether a text has only letters, digits, - and _, so that it can name a file.
 pub fn plain(name: &str) -> bool {
     !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
 }
 
-/// Line (from 1) of `key = …` in the `index`-th table with this header, or of the header where the key is not there.
+/// Line (from 1) of `key = …` in the `index`-th table with this header. Where the key is missing, the line of the
+/// header.
 fn line_of(text: &str, header: &str, index: usize, key: &str) -> Option<usize> {
     let (mut seen, mut inside, mut fallback) = (0, header.is_empty(), None);
     for (number, line) in text.lines().enumerate() {

@@ -1,11 +1,11 @@
-//! Where leaves stand: single ones, on branches, on a twig, in a crown.
+//! Checks where leaves stand: single leaves, leaves on branches, on a twig, or in a crown.
 
 use super::place::Place;
 use crate::{GRAINS_A_TILE, MOST_LEAF_RESONANCE, Matter, Result};
 
-/// More leaves than this are likelier a typing error than a wish.
+/// The largest number of leaves. A larger number is more likely a typing error than meant.
 const MOST_LEAVES: usize = 100_000;
-/// Each looks for a place away from all before it.
+/// The largest number of plants. Each looks for a place away from all others before it.
 const MOST_PLANTS: usize = 10_000;
 
 pub fn placements(p: &Place) -> Result<()> {
@@ -73,7 +73,7 @@ pub fn placements(p: &Place) -> Result<()> {
         if let Some(grain) = ground.grain_mm {
             let across = m.periodic.as_ref().map(|p| p.size_mm[0].max(p.size_mm[1]));
             let across = across.or(ground.reach_mm.map(|r| 2.0 * r)).unwrap_or_default();
-            // At most 256 × 256 squares.
+            // The ground has at most 256 × 256 of the squares that repeat.
             p.range(HEADER, 0, "grain_mm", grain, [across / (256.0 * GRAINS_A_TILE), 1e6], "mm")?;
             p.range(HEADER, 0, "contrast", ground.contrast(), [0.0, 1.0], "")?;
             if m.transfer.is_some() {
@@ -101,7 +101,7 @@ pub fn placements(p: &Place) -> Result<()> {
     Ok(())
 }
 
-/// Whole plants: where they come from, what they are made of, where they stand.
+/// Checks whole plants: where they come from, what their materials are, where they stand.
 fn plants(p: &Place) -> Result<()> {
     const HEADER: &str = "[[plant]]";
     for (i, plant) in p.manifest.plants.iter().enumerate() {
@@ -152,7 +152,7 @@ fn plants(p: &Place) -> Result<()> {
     Ok(())
 }
 
-/// Which leaves a twig or a crown has, and how many.
+/// Checks which leaves a twig or a crown has, and how many.
 fn crowd(p: &Place, header: &str, leaves: &[String], count: usize) -> Result<()> {
     if leaves.is_empty() {
         return Err(p.error(header, 0, "leaves", "empty, expected at least one leaf"));
@@ -163,7 +163,7 @@ fn crowd(p: &Place, header: &str, leaves: &[String], count: usize) -> Result<()>
     p.range(header, 0, "count", count as f64, [1.0, MOST_LEAVES as f64], "leaves")
 }
 
-/// How the leaves of a twig or a crown hang: offset (mm), droop and spread (degrees), scale.
+/// Checks how the leaves of a twig or a crown hang: offset (mm), droop and spread (degrees), scale.
 fn hung(p: &Place, header: &str, [offset_mm, droop_deg, spread_deg, scale]: [f64; 4]) -> Result<()> {
     p.range(header, 0, "offset_mm", offset_mm, [0.0, 1e6], "mm")?;
     p.range(header, 0, "droop_deg", droop_deg, [-180.0, 180.0], "degrees")?;

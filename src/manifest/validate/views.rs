@@ -1,10 +1,11 @@
-//! Views: an eye that sees something, and the limits that its kind is judged by.
+//! Checks views: each has a camera that sees something, and the limits that suit its kind.
 
 use super::MOST_SECONDS;
 use super::place::Place;
 use crate::{Result, View, ViewKind};
 
-/// A mean over a large part of the picture hides what is wrong in it.
+/// The least number of blocks along a side of the picture. A mean over a large part of the picture would hide faults in
+/// it.
 const FEWEST_BLOCKS: u32 = 8;
 
 pub fn views(p: &Place) -> Result<()> {
@@ -98,7 +99,7 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     Ok(())
 }
 
-/// A scan's view has the scan's own camera and light.
+/// Checks a view of a scan, which takes its camera and its light from the scan.
 fn capture(p: &Place, i: usize, view: &View) -> Result<()> {
     const HEADER: &str = "[[view]]";
     p.fitted_leaf(
