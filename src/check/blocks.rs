@@ -1,4 +1,5 @@
-//! Compares pictures by the means of their blocks. What represents blades only on average is judged in this way.
+//! Compares pictures by the means of their blocks. Pictures are judged in this way where they are right only on
+//! average, as slices are for blades.
 
 use mesophyll_transport::{ReferencePicture, tone};
 
@@ -32,7 +33,7 @@ mod tests {
 
     #[test]
     fn blocks_have_the_mean_of_their_pixels() {
-        // 5 by 4 pixels whose radiance is their column, and a tenth of their row.
+        // 5 × 4 pixels, whose red is the column and whose green is a tenth of the row.
         let hdr: Vec<[f32; 4]> = (0..20).map(|k| [(k % 5) as f32, (k / 5) as f32 / 10.0, 1.0, 1.0]).collect();
         let found = means(&hdr, [5, 4], 2);
         let right = [[0.5, 0.05], [2.5, 0.05], [0.5, 0.25], [2.5, 0.25]];
@@ -43,11 +44,11 @@ mod tests {
         assert!((picture.width, picture.height) == (2, 2) && picture.ldr[1][0].abs_diff(220) <= 1, "{:?}", picture.ldr);
     }
 
-    /// Sunlit slices are off by so much in the worst of the elevations (root mean square over azimuths; docs/grass.md).
+    /// The stated error of sunlit slices at the worst elevation: the root mean square over azimuths (docs/grass.md).
     const STATED: f64 = 0.23;
 
-    /// The limits of the committed scenes of lawns beside what theory allows. Grass green that is brighter or darker by
-    /// twice what is stated is beyond them; by what is stated, it is within.
+    /// The limits of the committed scenes of lawns are compared with theory. Grass whose brightness is wrong by twice
+    /// the stated error must exceed them. Grass that is wrong by the stated error must be within them.
     #[test]
     fn a_lawn_that_is_off_by_twice_its_stated_error_is_beyond_the_committed_limits() {
         const GREEN: [f64; 3] = [0.09, 0.16, 0.035];
@@ -71,7 +72,7 @@ mod tests {
                 let limits = [view.flip_p99, view.max_error].map(Option::unwrap);
                 for (k, what) in ["flip_p99", "max_error"].into_iter().enumerate() {
                     let told = format!("{name}, {}: {what} = {}", view.name, limits[k]);
-                    // Slices do not shade the stone's foot, which has a limit of its own (docs/grass.md).
+                    // Slices do not shade the foot of the stone, which has a limit of its own (docs/grass.md).
                     assert!(
                         limits[k] <= twice[0][k].min(twice[1][k]) || (name, what) == ("stone", "max_error"),
                         "{told}"

@@ -1,8 +1,6 @@
-//! The hours of a scene's day: the first perspective view under each of them, as one picture, from the fitted
-//! polynomials.
-//! The mosaic has four columns, in the order of the hours. For every hour it is stated how far its coefficients are
-//! from integrated ones.
-//! integrated ones.
+//! The hours of a scene's day: the first perspective view under each of them, drawn into one picture from the fitted
+//! polynomials. The mosaic has four columns, in the order of the hours. For every hour it is stated how far its
+//! coefficients are from integrated ones.
 
 use crate::told;
 use mesophyll_error::Result;

@@ -1,9 +1,10 @@
-//! What slices of a lawn are worth beside what else draws grass in real time: the same lawn under the same lights, as slices
-//! that a ray is followed through, as the same slices in polygons that are sorted and blended (H9 §2.2), and blade by blade,
-//! instanced with levels of detail. Each picture is held against the path-traced blades.
+//! Compares slices of a lawn with other methods that draw grass in real time. The same lawn under the same lights is
+//! drawn in three ways: as slices through which rays are followed, as the same slices in polygons that are sorted and
+//! blended (H9 §2.2), and blade by blade, instanced with levels of detail. Each picture is compared with the
+//! path-traced blades.
 //!
-//! The sun's light on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is as if it
-//! stood alone.
+//! Sunlight on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is computed as if
+//! the blade stood alone.
 
 use crate::{blocks, told};
 use glam::{DVec3, Vec3};
@@ -23,15 +24,14 @@ use mesophyll_viewer::scene as viewer;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A setting, how far its picture is from path-traced blades (99th percentile of FLIP; NaN where it was not drawn), and
-/// the time of a frame.
+/// One setting, with the error of its picture (NaN where it was not drawn) and the time of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The knob that was changed.
     pub knob: &'static str,
     /// The knob's setting, and how the lawn was drawn.
     pub setting: String,
-    /// 99th percentile of FLIP.
+    /// 99th percentile of FLIP against path-traced blades.
     pub error: f64,
     /// Median time of a frame (µs).
     pub us: f64,
@@ -50,13 +50,13 @@ enum Drawn {
 const LAWN: &str = include_str!("../../data/grass/lawn.toml");
 /// Number of blades on a square metre of the lawn.
 const PER_M2: f64 = 21_000.0;
-/// Elevations of the eye over the ground (degrees), distances (mm), and densities over the thinnest lawn's.
+/// Elevations of the eye over the ground (degrees), distances (mm), and densities relative to the thinnest lawn's.
 const ELEVATIONS: [f64; 5] = [8.0, 20.0, 40.0, 65.0, 90.0];
 const DISTANCES: [f64; 3] = [500.0, 1500.0, 4500.0];
 const DENSITIES: [f64; 3] = [1.0, 4.0, 16.0];
 /// Steps of the progress bar.
 pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len()) as u64;
-/// Pixels and steps of Table 2.1's rows, and its speed-ups.
+/// The rows of the source's Table 2.1: pixels, steps, and the speed-up.
 const TABLE: [([u32; 2], u32, f64); 3] = [([1024, 768], 4, 1.56), ([1024, 768], 16, 2.67), ([1600, 1200], 4, 1.93)];
 /// Pixels of the pictures that are judged, paths for each pixel, and pixels along the side of a block.
 const SIZE: [u32; 2] = [240, 160];
@@ -155,8 +155,8 @@ fn meadow(per_m2: f64) -> Result<String> {
     }
 }
 
-/// An eye at an elevation (degrees) and a distance from the lawn's middle (mm), that sees `seen` mm of it from top to
-/// bottom.
+/// A camera at an elevation (degrees) and a distance from the lawn's middle (mm). It sees `seen` mm of the lawn from
+/// top to bottom.
 fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transport::Camera) {
     let ((se, ce), (sa, ca)) = (elevation.to_radians().sin_cos(), 20f64.to_radians().sin_cos());
     let (eye, target) = (distance * DVec3::new(ce * ca, ce * sa, se), DVec3::new(0.0, 0.0, 20.0));
@@ -167,8 +167,8 @@ fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transpor
     (here, transport::Camera { eye, target, up, fov_y_deg })
 }
 
-/// How far a picture is from the truth: FLIP (99 %), and the root mean square of the relative difference of the means
-/// of blocks.
+/// The error of a picture: the 99th percentile of FLIP, and the root mean square of the relative difference of the
+/// means of blocks.
 fn apart(truth: &ReferencePicture, picture: &gpu::Picture) -> Result<(f64, f64)> {
     let flip = compare(truth, &picture.ldr)?.flip_p99;
     let means = |hdr: &[[f32; 4]]| blocks::means(hdr, [truth.width, truth.height], BLOCK);
@@ -192,10 +192,11 @@ impl Drawn {
     }
 }
 
-/// All rows, drawn in one run on one adapter, which the notes name; none without an adapter, which is said.
+/// All rows, drawn in one run on one adapter, whose name the notes give. Without an adapter there are no rows, and a
+/// message says so.
 ///
 /// # Errors
-/// Those of opening the adapter, of reading, drawing and of a stop.
+/// Those of opening the adapter, reading and drawing, and [`mesophyll_error::Error::Interrupted`] after a stop.
 pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
     let mut renderer = match gpu::Renderer::headless(&gpu::Options::default()) {
         Err(gpu::Error::NoAdapter) => {

@@ -1,5 +1,5 @@
-//! What light between leaves is worth: every view of a scene is drawn in several ways, each with its error compared
-//! with the path tracer, its time and its bytes (Wang et al. 2005, Fig. 8 and 9).
+//! Compares methods for light between leaves. Every view of a scene is drawn with each of them, and each picture has
+//! its error against the path tracer, its time and its bytes (Wang et al. 2005, Fig. 8 and 9).
 //!
 //! | name | what it is |
 //! |---|---|

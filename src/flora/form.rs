@@ -1,4 +1,4 @@
-//! What a plant is: branches on branches, each with a frame, an axis and a tube of wood, and leaves on them.
+//! A plant: branches that grow on branches, each with a frame, an axis and a tube of wood, and the leaves on them.
 
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -7,15 +7,15 @@ use std::f64::consts::TAU;
 /// A plant at rest: its branches have the shape that their own weight has given them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plant {
-    /// What it is called.
+    /// Name of the plant.
     pub name: String,
-    /// Parents stand before what grows on them.
+    /// The branches; parents stand before what grows on them.
     pub branches: Vec<Branch>,
-    /// Where leaves stand.
+    /// The leaves, each at its place.
     pub leaves: Vec<Leaf>,
     /// The shapes that leaves are instances of.
     pub blades: Vec<Blade>,
-    /// Of a meadow: the rectangle that repeats, along x and y (mm), with its middle at the origin.
+    /// For a meadow, the rectangle that repeats: its size along x and y (mm), with the middle at the origin.
     pub period: Option<[f64; 2]>,
 }
 
@@ -31,24 +31,24 @@ pub struct Joint {
 /// A branch: a tapered tube around an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Branch {
-    /// No two branches of a plant have the same.
+    /// Name of the branch, which is unique in the plant.
     pub name: String,
-    /// What it grows on; nothing, for a trunk.
+    /// The place that it grows on; `None` for a trunk.
     pub parent: Option<Joint>,
-    /// 0 is a trunk, 1 what grows on a trunk, and so on.
+    /// Level of the branch: 0 for a trunk, 1 for what grows on a trunk, and so on.
     pub level: usize,
     /// Where its axis begins (mm).
     pub root: DVec3,
     /// Unit vectors: t along the axis at its beginning, r and s across it.
     pub axes: [DVec3; 3],
-    /// The axis in the branch's own frame (along t, r and s from the root; mm); two points or more, the first the
-    /// root.
+    /// Points of the axis in the branch's own frame (along t, r and s from the root; mm). There are at least two, and
+    /// the first is the root.
     pub axis: Vec<DVec3>,
     /// Radius at the root (mm).
     pub root_radius: f64,
     /// Radius at the tip (mm).
     pub tip_radius: f64,
-    /// F/(E′r₁⁴) (mm) of what it carries, were it horizontal: what `fit beam --deflections` calls so.
+    /// F/(E′r₁⁴) (mm) under its load if the branch were horizontal, as `fit beam --deflections` defines it.
     pub load: f64,
     /// Name of the bark's material.
     pub material: String,
@@ -61,9 +61,9 @@ pub struct Branch {
 pub struct Leaf {
     /// Index of the shape.
     pub blade: usize,
-    /// What it hangs on.
+    /// The place that it hangs on.
     pub joint: Joint,
-    /// From the blade's frame to the plant's: turned, moved, and scaled alike along all axes.
+    /// From the blade's frame to the plant's: a rotation, a translation, and the same scale along all axes.
     pub transform: DMat4,
 }
 
@@ -77,7 +77,7 @@ pub struct Blade {
 }
 
 impl Plant {
-    /// Where a leaf hangs on its branch, and from there to the tip of its blade (mm).
+    /// The place where a leaf hangs on its branch, and the vector from there to the tip of its blade (mm).
     pub fn hang(&self, leaf: &Leaf) -> (DVec3, DVec3) {
         let hang = self.branches[leaf.joint.branch].point(leaf.joint.at).0;
         // The tip of the blade is along its x.
@@ -85,19 +85,19 @@ impl Plant {
         (hang, leaf.transform.transform_point3(DVec3::X * far) - hang)
     }
 
-    /// Triangles of wood and of all blades, those of a shape counted for each blade.
+    /// Number of triangles of wood and of all blades. Those of a shape count for each blade that has it.
     pub fn triangles(&self) -> usize {
         let blades = self.leaves.iter().filter_map(|leaf| self.blades.get(leaf.blade)).map(|blade| &blade.mesh);
         blades.chain(self.branches.iter().map(|b| &b.wood)).map(|mesh| mesh.triangles()).fold(0, usize::saturating_add)
     }
 
-    /// Triangles of all blades of a material, those of a shape counted for each blade.
+    /// Number of triangles of all blades of a material. Those of a shape count for each blade that has it.
     pub fn triangles_of(&self, material: &str) -> usize {
         let of_blade = |leaf: &Leaf| self.blades.get(leaf.blade).filter(|blade| blade.material == material);
         self.leaves.iter().filter_map(of_blade).map(|blade| blade.mesh.triangles()).fold(0, usize::saturating_add)
     }
 
-    /// All blades of a material, where they stand, as one mesh; without triangles where there are none.
+    /// All blades of a material at their places, as one mesh. The mesh is empty where there are none.
     pub fn blades_of(&self, material: &str) -> LeafMesh {
         let mut mesh = LeafMesh::default();
         for leaf in &self.leaves {
@@ -110,7 +110,7 @@ impl Plant {
 }
 
 impl Branch {
-    /// From the branch's own frame to the plant's.
+    /// The transform from the branch's own frame to the plant's.
     pub fn frame(&self) -> DMat4 {
         let [t, r, s] = self.axes;
         DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), self.root.extend(1.0))
@@ -138,14 +138,14 @@ impl Branch {
         (frame.transform_point3(place), frame.transform_vector3(along))
     }
 
-    /// From root to tip, in the plant's frame.
+    /// The vector from root to tip, in the plant's frame.
     pub fn chord(&self) -> DVec3 {
         self.axis.last().map_or(DVec3::ZERO, |tip| self.frame().transform_vector3(*tip))
     }
 }
 
 impl Plant {
-    /// The same plant in another frame: `place` turns, moves and scales alike along all axes.
+    /// The same plant in another frame. `place` is a rotation, a translation, and the same scale along all axes.
     pub fn moved(&self, place: DMat4) -> Plant {
         let scale = place.determinant().cbrt();
         let mut out = self.clone();
@@ -157,12 +157,12 @@ impl Plant {
             branch.axis.iter_mut().chain(&mut branch.wood.positions).for_each(|p| *p *= scale);
         }
         out.leaves.iter_mut().for_each(|leaf| leaf.transform = place * leaf.transform);
-        // What is turned or moved repeats another way.
+        // A plant that was turned or moved no longer repeats along these axes and around the origin.
         out.period = None;
         out
     }
 
-    /// Adds another plant beside this one; `called` is put in front of its branches' names.
+    /// Adds another plant beside this one. Its branches' names get `called` as a prefix.
     pub fn join(&mut self, other: Plant, called: &str) {
         let (branches, blades) = (self.branches.len(), self.blades.len());
         self.branches.extend(other.branches.into_iter().map(|b| Branch {
@@ -198,7 +198,7 @@ pub fn along(axis: &[DVec3], at: f64) -> (DVec3, DVec3) {
     found
 }
 
-/// The share of a line of points that is nearest to `place`, and the distance from it.
+/// The share of a line of points that is nearest to `place`, and its distance from `place`.
 pub fn nearest(axis: &[DVec3], place: DVec3) -> (f64, f64) {
     let whole: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();
     let mut best = (0.0, axis.first().map_or(f64::INFINITY, |p| p.distance(place)));
@@ -215,8 +215,9 @@ pub fn nearest(axis: &[DVec3], place: DVec3) -> (f64, f64) {
     best
 }
 
-/// A tube of `sides` corners around an axis, with `rings` rings evenly along it and a linear taper; open at both ends.
-/// Neighbouring rings are turned as little as the axis allows. Coordinates are those of the axis.
+/// A tube around an axis, with `sides` corners, `rings` rings at even steps and a linear taper. It is open at both
+/// ends. Neighbouring rings are turned against each other as little as the axis allows. Coordinates are those of the
+/// axis.
 pub fn tube(axis: &[DVec3], radii: [f64; 2], sides: usize, rings: usize) -> LeafMesh {
     let (sides, rings) = (sides.max(3), rings.max(2));
     let mut mesh = LeafMesh::default();
@@ -226,7 +227,7 @@ pub fn tube(axis: &[DVec3], radii: [f64; 2], sides: usize, rings: usize) -> Leaf
     for ring in 0..rings {
         let at = ring as f64 / (rings - 1) as f64;
         let (place, _) = along(axis, at);
-        // The mean direction on both sides, so that the tube is as thick in a bend as between bends.
+        // The mean direction on both sides keeps the tube as thick in a bend as between bends.
         let reach = 0.5 / (rings - 1) as f64;
         let (before, after) = (along(axis, at - reach).0, along(axis, at + reach).0);
         let t = (after - before).try_normalize().unwrap_or(along(axis, at).1);

@@ -1,9 +1,9 @@
-//! Whole plants: what one is ([`form`]), its glTF file ([`file`]), growing one from a table ([`mod@grow`]) and finding
-//! the branches of one that is nothing but triangles ([`import`]); what its branches carry ([`mod@carried`]) and where
-//! they are when they bend ([`pose`]).
+//! Whole plants. [`form`] is the plant itself, and [`file`] its glTF file. [`mod@grow`] grows a plant from a table, and
+//! [`import`] finds the branches of a plant that consists of triangles only. [`mod@carried`] sums what its branches
+//! carry, and [`pose`] computes where they are when they bend.
 //!
-//! Lengths are in mm, z is up and the foot is the origin, but in the tables of [`import`], which keep the frame of the
-//! file that was read.
+//! Lengths are in mm, z is up and the foot is the origin. Only the tables of [`import`] keep the frame of the file that
+//! was read.
 
 #![warn(missing_docs)]
 

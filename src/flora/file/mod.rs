@@ -1,14 +1,15 @@
 //! A plant as glTF: what a file holds, and how it is read back.
 //!
 //! The scene has one node for the plant, which turns it to y up and scales mm to metres. Below it every branch is a
-//! node, in the node of the branch that it grows on: the node's frame is the branch's (x along the axis at its
-//! beginning), its mesh is the bark, its `extras` hold [`Said`]. Leaves are instances (`EXT_mesh_gpu_instancing`) in a
-//! node below their branch; the attribute `_AT` says where on the branch each one hangs.
+//! node, placed in the node of the branch that it grows on. The node's frame is the branch's own, with x along the axis
+//! at its beginning. Its mesh is the bark, and its `extras` hold [`Said`]. Leaves are instances
+//! (`EXT_mesh_gpu_instancing`) in a node below their branch. The attribute `_AT` gives the place of each leaf on the
+//! branch.
 //!
-//! A reader without the extension draws one leaf a branch. Plain nodes with a mesh below a branch are read as leaves
-//! too, with `at` in their `extras` or, where that is missing, at the nearest place of the axis.
+//! A reader without the extension draws one leaf for each branch. Plain nodes with a mesh below a branch are read as
+//! leaves too. Their place is `at` in their `extras` or, where that is missing, the nearest place on the axis.
 //!
-//! A plant that moves ([`write_moving`]) has leaves as plain nodes and its bark as skinned meshes beside the plant's node.
+//! A plant that moves ([`write_moving`]) has leaves as plain nodes. Its bark is skinned meshes beside the plant's node.
 
 mod moving;
 mod pivots;
@@ -25,22 +26,22 @@ pub use write::write;
 
 use serde::{Deserialize, Serialize};
 
-/// The name of the extension by which leaves are instances.
+/// The name of the extension that makes leaves instances.
 pub const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Files of more triangles than this are refused: no renderer here draws them in a useful time.
+/// The largest number of triangles of a file. No renderer here draws more in a useful time.
 pub const MOST_TRIANGLES: usize = 5_000_000;
 
-/// What the `extras` of a branch's node say beside its frame; lengths in the node's own units, which are mm in files
-/// of this program.
+/// What the `extras` of a branch's node state, in addition to its frame. Lengths are in the node's own units, which are
+/// mm in files of this program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Said {
-    /// 0 is a trunk.
+    /// Level of the branch; 0 is a trunk.
     pub level: usize,
-    /// Share of the parent's axis at which it grows; nothing, for a trunk.
+    /// Share of the parent's axis at which it grows; absent for a trunk.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub at: Option<f64>,
-    /// Along the axis.
+    /// Length along the axis.
     pub length_mm: f64,
     /// Radius at the root.
     pub root_radius_mm: f64,
@@ -49,15 +50,15 @@ pub struct Said {
     /// Tip radius over root radius.
     #[serde(default)]
     pub taper: f64,
-    /// F/(E′r₁⁴) of what it carries.
+    /// F/(E′r₁⁴) under the load that it carries.
     #[serde(default)]
     pub load_over_stiffness_mm: f64,
-    /// Points of the axis in the node's frame; a straight line along x where it is missing.
+    /// Points of the axis in the node's frame. Where they are missing, the axis is a straight line along x.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub axis_mm: Vec<[f64; 3]>,
 }
 
-/// The `extras` of a meadow's node: the rectangle that repeats, in the node's own units.
+/// Name, in the `extras` of a meadow's node, of the rectangle that repeats. It is in the node's own units.
 const PERIOD: &str = "period_mm";
 
 /// The `extras` of a branch's node.

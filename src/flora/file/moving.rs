@@ -1,12 +1,13 @@
 //! Writes a plant that moves as binary glTF with an animation.
 //!
-//! Each branch's node moves with the place where it grows. Its bark is a skinned mesh, whose joints are the
-//! cross-sections that carry its vertices in both renderers ([`SECTION_STEP`]); each joint is a node in the branch's.
-//! A vertex belongs to one joint, so that bark at a key is the pose itself and not a mean of two turns. The node of the
-//! branch is the joint of its root. Leaves are nodes in that of their branch. Nodes have the plant's pose at rest.
+//! Each branch's node moves with the place where it grows. The bark is a skinned mesh. Its joints are the
+//! cross-sections that carry its vertices in both renderers ([`SECTION_STEP`]), and each joint is a node in the
+//! branch's node. A vertex belongs to one joint only. So at a key, the bark is exactly the pose, and not a mean of two
+//! turns. The branch's own node is the joint of its root. Leaves are nodes in the node of their branch. The nodes
+//! themselves hold the plant's pose at rest.
 //!
-//! What does not move against its node has no channel. The parent of a skinned mesh means nothing in glTF, so the
-//! meshes of bark stand beside the plant's node, in metres.
+//! A node that does not move relative to the node above it has no channel. In glTF the parent of a skinned mesh has no
+//! effect, so the meshes of bark stand beside the plant's node, in metres.
 
 use super::write::{Shapes, below, narrow, node, placed, rooted, upright, whole};
 use crate::form::{Branch, Plant, nearest};
@@ -19,21 +20,22 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A node's place in the node above it that moves by less than this share of itself (and of 1 mm) stands still.
+/// A node stands still if its place in the node above moves by less than this share of itself, where a place below 1 mm
+/// counts as 1 mm.
 const STILL: f32 = 1e-6;
 
-/// What of a plant is keyed: the cross-sections of its branches that carry something.
+/// The parts of a plant that get keys: the cross-sections of its branches that carry something.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carried {
-    /// Branch and share of its axis: the roots of all branches in their order, then the leaves, then the joints of the
-    /// bark.
+    /// Branch and share of its axis of each part: first the roots of all branches in their order, then the leaves, then
+    /// the joints of the bark.
     pub on: Vec<(usize, f64)>,
-    /// A branch each: the keyed sections that carry its bark, and which of these carries each vertex.
+    /// For each branch, the keyed sections that carry its bark, and the one of them that carries each vertex.
     bark: Vec<(Vec<usize>, Vec<u16>)>,
 }
 
 impl Carried {
-    /// The cross-sections of a plant at rest.
+    /// The cross-sections of a plant at rest that get keys.
     pub fn of(plant: &Plant) -> Carried {
         let roots = (0..plant.branches.len()).map(|k| (k, 0.0));
         let mut on: Vec<(usize, f64)> =
@@ -59,14 +61,14 @@ impl Carried {
     }
 }
 
-/// Translation (mm) and rotation of a node in the node above.
+/// Translation (mm) and rotation of a node, relative to the node above it.
 type Place = ([f32; 3], [f32; 4]);
 
 /// The plant's nodes: roots of branches, leaves and joints, in the order of [`Carried::on`].
 struct Nodes<'a> {
     plant: &'a Plant,
     carried: &'a Carried,
-    /// At rest, in the plant's frame.
+    /// Frames at rest, in the plant's frame.
     rest: Vec<DMat4>,
 }
 
@@ -85,7 +87,7 @@ impl Nodes<'_> {
         Nodes { plant, carried, rest: rest.collect() }
     }
 
-    /// What a node is in: the root of a branch, or for a trunk the plant.
+    /// The node above: the root of a branch, or `None` for a trunk, which is in the plant's node.
     fn above(&self, k: usize) -> Option<usize> {
         match self.plant.branches.get(k) {
             Some(branch) => branch.parent.map(|joint| joint.branch),
@@ -93,7 +95,7 @@ impl Nodes<'_> {
         }
     }
 
-    /// All nodes, moved from rest by `motions`, in the nodes that they are in.
+    /// The places of all nodes relative to the nodes above them, after `motions` moved them from rest.
     fn places(&self, motions: &[Rigid]) -> Vec<Place> {
         let now: Vec<DMat4> = motions.iter().zip(&self.rest).map(|(by, rest)| by.carry(*rest)).collect();
         let place = |(k, frame): (usize, &DMat4)| {
@@ -105,13 +107,13 @@ impl Nodes<'_> {
     }
 }
 
-/// Writes `path` (.glb), whole or not at all: `plant` at rest with an animation whose keys are `after` (s; from 0, rising
-/// in single precision too) the time `from` (s). `motions` gives at such a time how each of `carried.on` moves from
-/// rest, in the plant's frame. The animation begins at 0 s, because glTF has no earlier time; `from` is `from_s` in its
-/// `extras`.
+/// Writes `path` (.glb), whole or not at all: `plant` at rest, with an animation. Its keys lie `after` seconds after
+/// the time `from`. They begin at 0 and rise, in single precision too. For such a time, `motions` gives how each of
+/// `carried.on` moves from rest, in the plant's frame. The animation begins at 0 s, because glTF has no earlier time;
+/// its `extras` keep `from` as `from_s`.
 ///
 /// # Errors
-/// [`Error::Missed`] where nothing moves; and as [`mesophyll_files::glb::Glb::write`].
+/// [`Error::Missed`] where nothing moves, and the errors of [`mesophyll_files::glb::Glb::write`].
 pub fn write_moving(
     plant: &Plant,
     carried: &Carried,
@@ -124,7 +126,7 @@ pub fn write_moving(
     let keys: Vec<Vec<Place>> = after.par_iter().map(|after| all.places(&motions(from + after))).collect();
     let mut shapes = Shapes::default();
     let blades = shapes.blades(plant);
-    // Node 0 is the plant; keyed section k is node k + 1; meshes of bark follow.
+    // Node 0 is the plant, and keyed section k is node k + 1. The meshes of bark follow.
     let mut nodes = vec![whole(plant)];
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
     for (k, (_, at)) in carried.on.iter().enumerate() {
@@ -172,10 +174,10 @@ pub fn write_moving(
     shapes.write(path, root)
 }
 
-/// From the file's frame to that of a joint at rest.
+/// The transform from the file's frame to that of a joint at rest.
 fn unbound(rest: DMat4) -> [f32; 16] {
     let mut inverse = (upright() * rest).inverse();
-    // Rounding must not make it anything but affine.
+    // glTF demands that the matrix is exactly affine, which rounding may prevent.
     inverse.x_axis.w = 0.0;
     inverse.y_axis.w = 0.0;
     inverse.z_axis.w = 0.0;
@@ -183,7 +185,7 @@ fn unbound(rest: DMat4) -> [f32; 16] {
     inverse.as_mat4().to_cols_array()
 }
 
-/// A branch's bark at rest in the file's frame, each vertex with its joint.
+/// The bark of a branch at rest in the file's frame, with the joint of each vertex.
 fn bark(shapes: &mut Shapes, branch: &Branch, of_vertices: &[u16]) -> usize {
     let mut mesh = LeafMesh::default();
     mesh.append(&branch.wood, upright() * branch.frame());
@@ -196,7 +198,7 @@ fn bark(shapes: &mut Shapes, branch: &Branch, of_vertices: &[u16]) -> usize {
     mesh
 }
 
-/// Samplers and channels of every node that moves in the node above.
+/// Samplers and channels of every node that moves relative to the node above it.
 fn tracks(shapes: &mut Shapes, all: &Nodes, keys: &[Vec<Place>], input: usize) -> (Vec<Value>, Vec<Value>) {
     let rest = all.places(&vec![Rigid::STILL; all.rest.len()]);
     let (mut samplers, mut channels) = (Vec::new(), Vec::new());
@@ -210,7 +212,7 @@ fn tracks(shapes: &mut Shapes, all: &Nodes, keys: &[Vec<Place>], input: usize) -
             let output = shapes.file.floats("VEC3", &keys.iter().map(|key| key[k].0).collect::<Vec<_>>());
             track(k + 1, "translation", output);
         }
-        // q and −q are one turn: the sign is the nearer one to the key before.
+        // The quaternions q and −q are the same rotation. The sign is taken that is nearer to the previous key.
         let mut before = *turn;
         let turns: Vec<[f32; 4]> = keys
             .iter()

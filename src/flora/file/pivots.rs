@@ -1,10 +1,10 @@
 //! Writes a plant at rest for the foliage materials of game engines: meshes, and two textures with a texel for each
-//! *element*, which is a branch or a leaf. A material looks up a vertex' element by the second texture coordinates,
-//! goes from it to its parent and so on, and turns the vertex about every pivot on the way.
+//! *element*, which is a branch or a leaf. A material looks up a vertex's element by the second texture coordinates.
+//! From there it goes to the parent and so on, and turns the vertex about every pivot on the way.
 //!
-//! Such materials go through [`LEVELS`] levels. What would be deeper belongs to its ancestor on the last level.
+//! Such materials go through [`LEVELS`] levels. A deeper branch or leaf belongs to its ancestor on the last level.
 //!
-//! All is in the frame and unit of the mesh's file: metres, y up.
+//! Everything is in the frame and unit of the mesh's file: metres, y up.
 
 use super::write::{Shapes, rooted, upright};
 use crate::form::Plant;
@@ -16,23 +16,23 @@ use mesophyll_files::{atomic, quantity};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Elements from a trunk to the last, both counted.
+/// Number of elements on the way from a trunk to the last level, both included.
 pub const LEVELS: usize = 4;
 
-/// What turns as one.
+/// A part of the plant that turns as a whole.
 #[derive(Debug, Clone, Copy)]
 struct Element {
-    /// Where it grows.
+    /// The place where it grows.
     pivot: DVec3,
-    /// To its tip.
+    /// The vector from the pivot to its tip.
     reach: DVec3,
-    /// Its own index for a trunk.
+    /// Index of its parent; a trunk has its own index.
     parent: usize,
-    /// 0 for a trunk.
+    /// Level of the element; 0 for a trunk.
     level: usize,
 }
 
-/// A plant's elements, parents before what grows on them; and the element of every branch and leaf.
+/// A plant's elements, parents before what grows on them, and the element of every branch and leaf.
 struct Elements {
     all: Vec<Element>,
     of_branches: Vec<usize>,
@@ -40,7 +40,7 @@ struct Elements {
 }
 
 impl Elements {
-    /// In the plant's frame.
+    /// The elements of a plant, in the plant's frame.
     fn of(plant: &Plant) -> Elements {
         let mut out = Elements { all: Vec::new(), of_branches: Vec::new(), of_leaves: Vec::new() };
         for branch in &plant.branches {
@@ -161,7 +161,8 @@ mod tests {
     use super::*;
     use crate::form::{Blade, Branch, Joint, Leaf};
 
-    /// A chain of seven branches with a leaf on each: all within four levels, pivots and tips where they are.
+    /// A chain of seven branches with a leaf on each. All elements are within four levels, and pivots and tips are at
+    /// their places.
     #[test]
     fn what_is_too_deep_belongs_to_its_ancestor() {
         let mut plant = Plant::default();

@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// From glTF's frame (y up, z to the viewer) to the plant's (z up).
+/// The transform from glTF's frame (y up, z towards the viewer) to the plant's (z up).
 fn upright() -> DMat4 {
     DMat4::from_mat3(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
 }
@@ -19,8 +19,9 @@ fn upright() -> DMat4 {
 /// Reads the plant in `path`.
 ///
 /// # Errors
-/// [`Error::Input`] in one sentence: what [`gltf_file::read`] refuses, a file without branches, names that clash,
-/// numbers that are not finite or out of range, nodes that are scaled unevenly, more than [`MOST_TRIANGLES`] triangles.
+/// [`Error::Input`] in one sentence for what [`gltf_file::read`] refuses, and for a file without branches, names that
+/// occur twice, numbers that are not finite or out of range, nodes that are scaled unevenly, or more than
+/// [`MOST_TRIANGLES`] triangles.
 pub fn read(path: &Path) -> Result<Plant> {
     gltf_file::read(path, &[INSTANCING], |opened| {
         count(path, &opened)?;
@@ -47,7 +48,7 @@ pub fn read(path: &Path) -> Result<Plant> {
     })
 }
 
-/// Refuses files that are too large, before their triangles are read.
+/// Refuses files with too many triangles before these are read.
 pub(crate) fn count(path: &Path, opened: &Opened) -> Result<()> {
     let corners = |p: &gltf::Primitive| {
         p.indices().map_or_else(|| p.get(&gltf::Semantic::Positions).map_or(0, |a| a.count()), |a| a.count())
@@ -75,7 +76,7 @@ struct Reader<'a> {
     path: &'a Path,
     opened: &'a Opened,
     plant: Plant,
-    /// Blades by the index of their mesh.
+    /// Index of the blade for each mesh that is one.
     blades: BTreeMap<usize, usize>,
     names: BTreeSet<String>,
 }
@@ -183,7 +184,7 @@ impl Reader<'_> {
         }
     }
 
-    /// How much a node enlarges what is in it.
+    /// The factor by which a node enlarges its content.
     fn scale(&self, node: &gltf::Node, world: DMat4) -> Result<f64> {
         let sizes = [world.x_axis, world.y_axis, world.z_axis].map(|c| c.truncate().length());
         let mean = (sizes[0] + sizes[1] + sizes[2]) / 3.0;
@@ -227,7 +228,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// All primitives of a mesh as one, `scale` times as large, and the name of the first one's material.
+    /// All primitives of a mesh as one mesh, `scale` times as large, and the name of the first primitive's material.
     fn mesh(&self, mesh: &gltf::Mesh, scale: f64, unnamed: &str) -> Result<(LeafMesh, String)> {
         let mut out = LeafMesh::default();
         let mut material = None;
@@ -278,7 +279,8 @@ impl Reader<'_> {
     }
 }
 
-/// Where instances stand in the frame of their node, and on their branch; a node without any is one itself.
+/// The places of instances in the frame of their node, and on their branch. A node without instances counts as one
+/// itself.
 pub(crate) fn instances(path: &Path, opened: &Opened, node: &gltf::Node) -> Result<Vec<(Option<f64>, DMat4)>> {
     let Some(said) = node.extension_value(INSTANCING) else { return Ok(vec![(None, DMat4::IDENTITY)]) };
     let list = |key: &str, width: usize| -> Result<Option<Vec<f64>>> {
@@ -319,7 +321,7 @@ pub(crate) fn instances(path: &Path, opened: &Opened, node: &gltf::Node) -> Resu
         .collect())
 }
 
-/// The numbers of an accessor of floats, `width` of them an entry.
+/// The numbers of an accessor of floats, with `width` numbers in each entry.
 fn numbers(opened: &Opened, accessor: &gltf::Accessor, width: usize) -> Option<Vec<f64>> {
     let buffer = |b: gltf::Buffer| opened.buffers.get(b.index()).map(|d| d.0.as_slice());
     if accessor.data_type() != DataType::F32 {
@@ -334,7 +336,7 @@ fn numbers(opened: &Opened, accessor: &gltf::Accessor, width: usize) -> Option<V
     (out.len() == accessor.count() * width && out.iter().all(|v| v.is_finite())).then_some(out)
 }
 
-/// The share of a branch's axis that is nearest to a place of the plant's frame.
+/// The share of a branch's axis that is nearest to a place in the plant's frame.
 fn nearest(branch: &Branch, place: DVec3) -> f64 {
     let local = branch.frame().inverse().transform_point3(place);
     crate::form::nearest(&branch.axis, local).0

@@ -5,7 +5,7 @@ use mesophyll_files::mesh::LeafMesh;
 use serde_json::json;
 use std::path::Path;
 
-/// Two branches, one bent, and leaves on both.
+/// A plant of two branches, one of them bent, with leaves on both.
 fn plant() -> Plant {
     let branch = |name: &str, parent, level, root: DVec3, turn: DQuat, axis: Vec<DVec3>| Branch {
         name: name.into(),
@@ -57,7 +57,7 @@ fn what_is_written_is_read_back_to_single_precision() {
     assert_eq!((back.name.as_str(), back.branches.len(), back.leaves.len()), ("twig", 2, 3));
     let [x, y] = back.period.unwrap();
     assert!((x - 400.0).abs() < 1e-4 && (y - 250.0).abs() < 1e-4);
-    // Places are within 1000 mm: single precision is 6e-5 mm there.
+    // Places are within 1000 mm, where single precision has steps of 6e-5 mm.
     let limit = 2e-4;
     for (a, b) in plant.branches.iter().zip(&back.branches) {
         assert_eq!((&a.name, a.level, &a.material), (&b.name, b.level, &b.material));
@@ -89,7 +89,7 @@ fn what_is_written_is_read_back_to_single_precision() {
     assert_eq!(back.blades[0].mesh.uvs, plant.blades[0].mesh.uvs);
 }
 
-/// The file in y up and metres, for whoever knows no extras: node transforms alone.
+/// Readers that know nothing of the extras use the node transforms alone. They find the plant upright and in metres.
 #[test]
 fn the_file_stands_upright_in_metres() {
     let folder = tempfile::tempdir().unwrap();
@@ -102,7 +102,7 @@ fn the_file_stands_upright_in_metres() {
     assert!((top - tip.z).abs() < 1.5, "{top} {tip}");
 }
 
-/// A file's JSON with a change, as .gltf with its buffer beside it.
+/// The JSON of a file after a change, written as .gltf with its buffer beside it.
 fn changed(folder: &Path, change: impl Fn(&mut serde_json::Value)) -> std::path::PathBuf {
     let path = folder.join("twig.glb");
     write(&plant(), &path).unwrap();
@@ -126,7 +126,7 @@ fn leaves_may_be_plain_nodes() {
     });
     let back = read(&path).unwrap();
     assert_eq!(back.leaves.len(), 3);
-    // Half way up the trunk, which is 900 mm long.
+    // The leaf is half way up the trunk, which is 900 mm long.
     assert!((back.leaves[0].joint.at - 0.5).abs() < 1e-6, "{:?}", back.leaves[0]);
 }
 
@@ -174,7 +174,7 @@ fn bad_files_end_in_a_sentence() {
         let error = said(change);
         assert!(error.contains(expected) && error.lines().count() == 1, "{expected}: {error}");
     }
-    // Triangles without an area, and an index out of range: in the buffer.
+    // Faults in the buffer: triangles without an area, and an index out of range.
     let path = changed(folder.path(), |_| ());
     let bin = folder.path().join("twig.bin");
     let mut bytes = std::fs::read(&bin).unwrap();

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 
-/// Colours for programs that know nothing of the scene's leaves: linear reflectances of bark and blade.
+/// Colours for programs that do not know the scene's leaves: linear reflectances of bark and blade.
 const COLOURS: [[f64; 4]; 2] = [[0.13, 0.095, 0.065, 1.0], [0.06, 0.13, 0.03, 1.0]];
 
 /// Writes `path` (.glb), whole or not at all.
@@ -21,7 +21,7 @@ const COLOURS: [[f64; 4]; 2] = [[0.13, 0.095, 0.065, 1.0], [0.06, 0.13, 0.03, 1.
 pub fn write(plant: &Plant, path: &Path) -> Result<()> {
     let mut shapes = Shapes::default();
     let blades = shapes.blades(plant);
-    // Node 0 is the plant, branch k is node k + 1, leaves follow.
+    // Node 0 is the plant, and branch k is node k + 1. The leaves follow.
     let mut nodes = vec![whole(plant)];
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
     for (k, branch) in plant.branches.iter().enumerate() {
@@ -76,13 +76,13 @@ pub(super) fn whole(plant: &Plant) -> Value {
     node
 }
 
-/// From the plant's frame to the file's: y up, metres.
+/// The transform from the plant's frame to the file's, which is in metres with y up.
 pub(super) fn upright() -> DMat4 {
     let turn = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
     DMat4::from_scale_rotation_translation(DVec3::splat(0.001), turn, DVec3::ZERO)
 }
 
-/// The node that a branch's node is in (0: the plant's, k + 1: that of branch k), and its place there.
+/// The node above a branch's node (0 is the plant's, k + 1 that of branch k), and the branch's place in it.
 pub(super) fn below(plant: &Plant, branch: &Branch) -> (usize, DMat4) {
     let above = branch.parent.and_then(|joint| plant.branches.get(joint.branch).map(|b| (joint.branch, b)));
     above.map_or((0, branch.frame()), |(k, parent)| (k + 1, parent.frame().inverse() * branch.frame()))
@@ -96,7 +96,7 @@ pub(super) fn node(branch: &Branch, local: DMat4, path: &Path) -> Result<Value> 
     Ok(node)
 }
 
-/// A file's JSON of nodes, of which the first is the plant's, and the nodes in each of the first ones.
+/// A file's JSON with these nodes. The first is the plant's. `children` lists the nodes below each of the first ones.
 pub(super) fn rooted(mut nodes: Vec<Value>, children: &[Vec<usize>]) -> Value {
     for (node, below) in nodes.iter_mut().zip(children) {
         if !below.is_empty() {
@@ -106,7 +106,7 @@ pub(super) fn rooted(mut nodes: Vec<Value>, children: &[Vec<usize>]) -> Value {
     json!({"asset": glb::asset(), "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes})
 }
 
-/// Meshes and materials of a file that is being written.
+/// The meshes and materials of a file that is being written.
 #[derive(Default)]
 pub(super) struct Shapes {
     pub file: Glb,
@@ -125,7 +125,7 @@ impl Shapes {
         })
     }
 
-    /// The mesh's index.
+    /// Adds a mesh and returns its index.
     pub fn mesh(&mut self, name: &str, mesh: &LeafMesh, material: usize) -> usize {
         let value = self::mesh(&mut self.file, name, mesh, material);
         self.meshes.push(value);
@@ -137,7 +137,7 @@ impl Shapes {
         self.meshes[mesh]["primitives"][0]["attributes"][name] = json!(accessor);
     }
 
-    /// The mesh of every blade.
+    /// Adds the mesh of every blade and returns the indices.
     pub fn blades(&mut self, plant: &Plant) -> Vec<usize> {
         let blade = |blade: &Blade| {
             let material = self.material(&blade.material, true);
@@ -146,7 +146,7 @@ impl Shapes {
         plant.blades.iter().map(blade).collect()
     }
 
-    /// Writes the file, `root` being its JSON without meshes and materials.
+    /// Writes the file. `root` is its JSON without meshes and materials.
     pub fn write(self, path: &Path, mut root: Value) -> Result<()> {
         if !self.meshes.is_empty() {
             root["meshes"] = json!(self.meshes);

@@ -1,4 +1,4 @@
-//! Leaves along the shoots, fronts to the sky.
+//! Leaves along the shoots, with their fronts towards the sky.
 
 use super::spec::{self, Leaves, Spec};
 use super::{Chance, shares, side};
@@ -20,7 +20,7 @@ pub fn grow(spec: &Spec, leaves: &Leaves, plant: &mut Plant, chance: &mut Chance
             let at = leaves.bare + (1.0 - leaves.bare) * (k + 1) as f64 / count as f64;
             let (place, t) = shoot.point(at);
             let across = side(leaves.arrangement, t, k, turned);
-            // The last one stands on the tip.
+            // The last leaf stands on the tip of the shoot.
             let spread = leaves.spread_deg.to_radians();
             let angle =
                 if k + 1 == count { 0.35 } else { 1.0 } * leaves.angle_deg.to_radians() + 0.5 * spread * chance.stray();
@@ -45,13 +45,13 @@ pub fn grow(spec: &Spec, leaves: &Leaves, plant: &mut Plant, chance: &mut Chance
     plant.blades = vec![Blade { material: leaves.material.clone(), mesh: blade(leaves) }];
 }
 
-/// A flat blade, tip along +x, front up: two corners at every place of its profile.
+/// A flat blade with its tip along +x and its front up, with two corners at every place of its profile.
 fn blade(leaves: &Leaves) -> LeafMesh {
     let rectangle = [[0.0, 1.0], [1.0, 1.0]];
     let profile: &[[f64; 2]] = if leaves.profile.len() >= 2 { &leaves.profile } else { &rectangle };
     let mut mesh = LeafMesh::default();
     for [x, _] in profile {
-        // A point would be a triangle without an area.
+        // A width of 0 would make a triangle without an area.
         let half = 0.5 * leaves.width_mm * spec::at(profile, *x).max(0.01);
         for sign in [-1.0, 1.0] {
             mesh.positions.push(DVec3::new((x - 0.5) * leaves.length_mm, sign * half, 0.0));

@@ -1,16 +1,17 @@
-//! Where the light comes from in a crown: every piece of a branch shades the cells below it, and tips turn to where the
-//! shade falls off fastest (shadow propagation; Palubicki et al., "Self-organizing tree models for image synthesis",
+//! The direction of the light in a crown. Every piece of a branch shades the cells below it. Tips turn to where the
+//! shade decreases fastest (shadow propagation; Palubicki et al., "Self-organizing tree models for image synthesis",
 //! ACM Trans. Graph. 28 (2009), §4.2).
 
 use glam::{DVec3, IVec3};
 use std::collections::HashMap;
 
-/// Shade a cell a piece of branch stands in, and how much less it is a layer of cells further down.
+/// Shade that a piece of branch adds to its own cell, and the factor by which it decreases for each layer of cells
+/// further down.
 const SHADE: f64 = 1.0;
 const FALL: f64 = 1.6;
-/// Layers of cells below a piece that it shades.
+/// Number of layers of cells below a piece that it shades.
 const LAYERS: i32 = 6;
-/// Weight of the open sky beside the shade's gradient.
+/// Weight of the upward direction relative to the gradient of the shade.
 const SKY: f64 = 1.0;
 
 /// Shade in a grid of cells.
@@ -21,7 +22,7 @@ pub struct Shade {
 }
 
 impl Shade {
-    /// No shade yet; `cell` is the width of a cell (mm).
+    /// A grid without shade. `cell` is the width of a cell (mm).
     pub fn new(cell: f64) -> Shade {
         Shade { cell, cells: HashMap::new() }
     }
@@ -30,7 +31,7 @@ impl Shade {
         (place / self.cell).floor().as_ivec3()
     }
 
-    /// A piece of branch stands at `place`.
+    /// Adds the shade of a piece of branch at `place`.
     pub fn add(&mut self, place: DVec3) {
         let middle = self.index(place);
         for layer in 0..=LAYERS {
@@ -48,7 +49,7 @@ impl Shade {
         self.cell
     }
 
-    /// Unit direction in which it gets lighter: away from the shade, and up.
+    /// The unit direction towards more light: down the gradient of the shade, and up.
     pub fn direction(&self, place: DVec3) -> DVec3 {
         let middle = self.index(place);
         let shade = |offset: IVec3| self.cells.get(&(middle + offset)).copied().unwrap_or(0.0);

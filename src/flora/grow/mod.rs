@@ -23,18 +23,18 @@ use spec::{Arrangement, Crown, Level, Spec};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-/// Cells of shade along the height of a plant.
+/// Number of cells of shade along the height of a plant.
 const CELLS: f64 = 40.0;
-/// Growing tips of higher orders on a parent reach this share of the length of the lowest.
+/// For orders above 1, the highest branch on a parent has this share of the length of the lowest one.
 const HIGHEST: f64 = 0.5;
-/// A branch that would be shorter than this share of the height is this long.
+/// The least length of a branch, as a share of the plant's height.
 const SHORTEST: f64 = 2e-3;
 
-/// Random numbers of a plant.
+/// The random numbers of a plant.
 pub(crate) struct Chance(Pcg64);
 
 impl Chance {
-    /// Evenly from −1 to 1.
+    /// A number from −1 to 1, all equally likely.
     pub(crate) fn stray(&mut self) -> f64 {
         self.0.random::<f64>() * 2.0 - 1.0
     }
@@ -46,8 +46,8 @@ impl Chance {
     }
 }
 
-/// Reads what `path` describes, a plant or (where it has a [[sward]]) a meadow, and grows it; `seed` stands for the
-/// description's own where it is given.
+/// Reads what `path` describes and grows it: a meadow if the file has a [[sward]], otherwise a plant. A `seed` replaces
+/// that of the description.
 ///
 /// # Errors
 /// As [`Spec::read`] and [`Meadow::read`].
@@ -59,7 +59,7 @@ pub fn described(path: &Path, seed: Option<u64>) -> Result<Plant> {
     }
 }
 
-/// Grows the plant; `seed` stands for the description's own where it is given.
+/// Grows the plant. A `seed` replaces that of the description.
 pub fn grow(spec: &Spec, seed: Option<u64>) -> Plant {
     let mut chance = Chance(Pcg64::seed_from_u64(seed.unwrap_or(spec.seed)));
     let mut shade = Shade::new(spec.height_mm / CELLS);
@@ -92,7 +92,7 @@ pub fn grow(spec: &Spec, seed: Option<u64>) -> Plant {
     plant
 }
 
-/// A branch that begins.
+/// A branch that starts to grow.
 struct Sprout {
     parent: Option<Joint>,
     root: DVec3,
@@ -100,7 +100,7 @@ struct Sprout {
     length: f64,
 }
 
-/// Trunks: one stands upright at the origin, several around it.
+/// The trunks. A single one stands upright at the origin, and several stand around it.
 fn trunks(spec: &Spec, level: &Level, chance: &mut Chance) -> Vec<Sprout> {
     (0..level.count)
         .map(|k| {
@@ -118,7 +118,7 @@ fn trunks(spec: &Spec, level: &Level, chance: &mut Chance) -> Vec<Sprout> {
         .collect()
 }
 
-/// How many of `total` each of the weights gets: whole numbers in proportion, by largest remainders.
+/// How many of `total` each of the weights gets: whole numbers in proportion to the weights, by largest remainders.
 pub(crate) fn shares(total: usize, weights: &[f64]) -> Vec<usize> {
     let whole: f64 = weights.iter().sum();
     if !(whole > 0.0) {
@@ -133,9 +133,9 @@ pub(crate) fn shares(total: usize, weights: &[f64]) -> Vec<usize> {
     out
 }
 
-/// Unit vector across `t` for the k-th of those that follow each other around it.
+/// Unit vector across `t` for the k-th of the branches or leaves that follow each other around it.
 pub(crate) fn side(arrangement: Arrangement, t: DVec3, k: usize, turned: f64) -> DVec3 {
-    // Level where that is possible.
+    // The first direction is level where that is possible.
     let level = t.cross(DVec3::Z).try_normalize().unwrap_or_else(|| t.any_orthonormal_vector());
     let turn = match arrangement {
         Arrangement::Spiral => k as f64 * PI * (3.0 - 5f64.sqrt()) + turned,
@@ -158,7 +158,7 @@ fn sprouts(
     for (index, count) in parents.zip(shares(level.count, &weights)) {
         let parent = &branches[index];
         let turned = PI * chance.stray();
-        // Opposite ones share a place.
+        // The two of an opposite pair share a place.
         let together = if level.arrangement == Arrangement::Opposite { 2 } else { 1 };
         let mut share = 0.0;
         for k in 0..count {
@@ -186,7 +186,7 @@ fn sprouts(
     out
 }
 
-/// How far it is from `place` along `direction` to the crown's surface; 0 from outside.
+/// Distance from `place` along `direction` to the crown's surface; 0 from outside.
 fn reach(crown: &Crown, height: f64, place: DVec3, direction: DVec3) -> f64 {
     let step = 0.005 * height;
     let base = crown.base * height;
@@ -198,7 +198,7 @@ fn reach(crown: &Crown, height: f64, place: DVec3, direction: DVec3) -> f64 {
 }
 
 impl Sprout {
-    /// The axis bends on its way: to the light, down by its weight, and astray.
+    /// Grows the axis. On its way it bends towards the light, down by its weight, and at random.
     fn grow(
         self,
         spec: &Spec,
@@ -211,7 +211,7 @@ impl Sprout {
         let steps = level.rings - 1;
         let step = self.length / steps as f64;
         let turn = |d: DVec3, to: DVec3, angle: f64| {
-            // Most where the branch stands across it.
+            // The turn is largest where the branch stands across the target direction.
             let across = to - d * to.dot(d);
             (d + across * angle).normalize()
         };
@@ -227,7 +227,7 @@ impl Sprout {
             let astray = level.wander_deg.to_radians() / (steps as f64).sqrt();
             d = (d + u * (astray * chance.stray()) + v * (astray * chance.stray())).normalize();
         }
-        // s across the axis and as far up as possible, r = s × t.
+        // s lies across the axis and as far up as possible; r = s × t.
         let t = self.direction;
         let up = if t.z.abs() > 0.999 { DVec3::X } else { DVec3::Z };
         let s = (up - t * t.dot(up)).try_normalize().unwrap_or(DVec3::Y);

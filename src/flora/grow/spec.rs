@@ -13,7 +13,7 @@ use std::path::Path;
 pub struct Spec {
     /// Version of the format: 1.
     pub schema: u32,
-    /// What the plant is called.
+    /// Name of the plant.
     pub name: String,
     /// Its botanical name.
     #[serde(default)]
@@ -21,15 +21,15 @@ pub struct Spec {
     /// Where the figures come from.
     #[serde(default)]
     pub sources: Vec<String>,
-    /// The same seed grows the same plant.
+    /// The seed. The same seed grows the same plant.
     pub seed: u64,
-    /// From the foot to the top.
+    /// Height from the foot to the top.
     pub height_mm: f64,
     /// Shape of the crown.
     pub crown: Crown,
     /// Thickness and stiffness.
     pub wood: Wood,
-    /// The trunk, then what grows on it, and so on.
+    /// Levels of branching: the trunk, then what grows on it, and so on.
     #[serde(rename = "level")]
     pub levels: Vec<Level>,
     /// The leaves.
@@ -40,21 +40,22 @@ pub struct Spec {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crown {
-    /// Where it begins: a share of the height.
+    /// Where the crown begins: a share of the plant's height.
     pub base: f64,
     /// Its largest radius.
     pub radius_mm: f64,
-    /// Share of the crown's height, and share of its radius there; heights ascend.
+    /// Points of the outline: a share of the crown's height, and the share of its radius there. Heights ascend.
     pub profile: Vec<[f64; 2]>,
 }
 
-/// What decides on radii and loads.
+/// The figures that decide on radii and loads.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wood {
     /// Radius of every tip.
     pub twig_radius_mm: f64,
-    /// Exponent p of the pipe model: a branch's radius to the power of p is the sum of what it carries.
+    /// Exponent p of the pipe model: a branch's radius to the power of p is the sum of the same powers over the tips
+    /// that it carries.
     pub pipe_exponent: f64,
     /// Of fresh wood.
     #[serde(default = "density")]
@@ -71,12 +72,12 @@ pub struct Wood {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Default)]
 #[serde(rename_all = "kebab-case")]
 pub enum Arrangement {
-    /// Each a golden angle from the one before.
+    /// Each is a golden angle further around than the one before.
     #[default]
     Spiral,
     /// Left and right in turn, in a plane that is as level as the parent allows.
     TwoRanked,
-    /// In pairs, each pair a quarter turn from the one before.
+    /// In pairs, each a quarter turn further around than the pair before.
     Opposite,
 }
 
@@ -84,39 +85,39 @@ pub enum Arrangement {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Level {
-    /// How many there are on the whole plant; longer parents bear more.
+    /// Number of branches of this order on the whole plant. Longer parents bear more.
     pub count: usize,
-    /// Around the parent.
+    /// How the branches follow each other around the parent.
     #[serde(default)]
     pub arrangement: Arrangement,
-    /// Angle to the parent, for those that grow lowest and highest on it; of a trunk, from the vertical.
+    /// Angle to the parent, for the lowest and for the highest branch on it. A trunk's angle is from the vertical.
     #[serde(default)]
     pub angle_deg: [f64; 2],
-    /// How far single ones stray from it.
+    /// Largest deviation of single branches from that angle.
     #[serde(default)]
     pub angle_spread_deg: f64,
-    /// Share of the parent, from its root, on which none grow.
+    /// Share of the parent, counted from its root, on which no branch grows.
     #[serde(default)]
     pub bare: f64,
-    /// Order 1: share of the way to the crown's surface. Higher orders: share of the parent's length, for the lowest on
-    /// it; the highest get half of it.
+    /// For order 1, the length as a share of the way to the crown's surface. For higher orders, the length of the
+    /// lowest branch as a share of the parent's length; the highest branch gets half of it.
     #[serde(default = "whole")]
     pub length: f64,
-    /// How far single lengths stray: a share.
+    /// Largest relative deviation of single lengths.
     #[serde(default)]
     pub length_spread: f64,
-    /// How far a branch turns towards the light over its length, where it stands across it.
+    /// Angle by which a branch would turn towards the light over its length if it stood across it.
     #[serde(default)]
     pub light_deg: f64,
-    /// How far it sags over its length, where it is level.
+    /// Angle by which a branch would sag over its length if it were level.
     #[serde(default)]
     pub sag_deg: f64,
-    /// How far its direction strays over its length.
+    /// Angle by which its direction wanders at random over its length.
     #[serde(default)]
     pub wander_deg: f64,
-    /// Corners around a drawn branch.
+    /// Number of corners around a drawn branch.
     pub sides: usize,
-    /// Rings of corners along it.
+    /// Number of rings of corners along it.
     pub rings: usize,
 }
 
@@ -124,36 +125,37 @@ pub struct Level {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Leaves {
-    /// How many there are on the whole plant; longer shoots bear more.
+    /// Number of leaves on the whole plant. Longer shoots bear more.
     pub count: usize,
-    /// How many orders bear them, from the last one back.
+    /// Number of orders that bear leaves, counted from the last one.
     #[serde(default = "one")]
     pub levels: usize,
-    /// Around the shoot.
+    /// How leaves follow each other around the shoot.
     #[serde(default)]
     pub arrangement: Arrangement,
-    /// Share of the shoot, from its root, that bears none.
+    /// Share of the shoot, counted from its root, that bears no leaves.
     #[serde(default)]
     pub bare: f64,
-    /// Between a blade's midrib and the shoot.
+    /// Angle between a blade's midrib and the shoot.
     pub angle_deg: f64,
-    /// How far a blade's tip hangs below that.
+    /// Angle by which a blade's tip hangs below that direction.
     #[serde(default)]
     pub droop_deg: f64,
-    /// How far single ones stray from it.
+    /// Largest deviation of single leaves from these angles.
     #[serde(default)]
     pub spread_deg: f64,
-    /// Of a blade, without its stalk.
+    /// Length of a blade without its stalk.
     pub length_mm: f64,
-    /// Of a blade, at its widest.
+    /// Width of a blade at its widest place.
     pub width_mm: f64,
     /// Length of the stalk; it is not drawn.
     #[serde(default)]
     pub petiole_mm: f64,
-    /// How far single lengths stray: a share.
+    /// Largest relative deviation of single sizes.
     #[serde(default)]
     pub size_spread: f64,
-    /// Share of the blade's length, and share of its half width there; a rectangle where there are no more than two.
+    /// Points of the outline: a share of the blade's length, and the share of its half width there. With fewer than
+    /// three points the blade is a rectangle.
     #[serde(default)]
     pub profile: Vec<[f64; 2]>,
     /// Mass of a blade per area.
@@ -186,7 +188,7 @@ fn leaf_mass() -> f64 {
     0.2
 }
 
-/// No plant has more branches, or leaves, than this; a larger number is likelier a typing error.
+/// The largest number of branches, and of leaves. A larger number is more likely a typing error than meant.
 const MOST: usize = 500_000;
 
 impl Spec {
@@ -258,13 +260,13 @@ impl Spec {
     }
 }
 
-/// Reads a description; what it says is not checked yet.
+/// Reads a description without checking its values.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
     toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
 }
 
-/// Whether a field's value lies within its limits.
+/// Checks that a field's value lies within its limits.
 pub(crate) fn range(path: &Path, field: &str, value: f64, [low, high]: [f64; 2]) -> Result<()> {
     if (low..=high).contains(&value) {
         return Ok(());
@@ -272,7 +274,7 @@ pub(crate) fn range(path: &Path, field: &str, value: f64, [low, high]: [f64; 2])
     Err(Error::unexpected(path, field, value, format!("{low} to {high}")))
 }
 
-/// Whether a profile's places ascend within 0 and 1 and its shares are not negative.
+/// Checks that the places of a profile ascend within 0 and 1 and that its shares are not negative.
 pub(crate) fn profile(path: &Path, field: &str, points: &[[f64; 2]]) -> Result<()> {
     let ascending = points.windows(2).all(|w| w[0][0] < w[1][0]);
     if !ascending || points.iter().any(|[x, y]| !((0.0..=1.0).contains(x) && (0.0..=10.0).contains(y))) {
@@ -281,7 +283,7 @@ pub(crate) fn profile(path: &Path, field: &str, points: &[[f64; 2]]) -> Result<(
     Ok(())
 }
 
-/// A profile's value, linear between its points.
+/// The value of a profile, linear between its points.
 pub(crate) fn at(points: &[[f64; 2]], x: f64) -> f64 {
     let Some(first) = points.first() else { return 1.0 };
     if x <= first[0] {

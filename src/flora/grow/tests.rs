@@ -6,7 +6,7 @@ fn preset(name: &str) -> Spec {
     Spec::read(&path).unwrap()
 }
 
-/// Vertices as they are drawn: those of a blade count for every leaf.
+/// Number of vertices that are drawn; those of a blade count for every leaf.
 fn vertices(plant: &Plant) -> usize {
     let wood: usize = plant.branches.iter().map(|b| b.wood.positions.len()).sum();
     wood + plant.leaves.iter().map(|l| plant.blades[l.blade].mesh.positions.len()).sum::<usize>()
@@ -16,7 +16,7 @@ fn within(value: usize, wanted: usize, share: f64) -> bool {
     (value as f64 / wanted as f64 - 1.0).abs() <= share
 }
 
-/// The sizes that the sources name, and those of a large tree for games.
+/// The presets have the sizes that their sources name, and those of a large tree for games.
 #[test]
 fn presets_have_the_sizes_that_are_asked_for() {
     let wych = grow(&preset("wych-elm"), None);
@@ -49,7 +49,7 @@ fn every_preset_grows_and_a_seed_is_a_plant() {
     assert_ne!(grow(&spec, None), grow(&spec, Some(spec.seed + 1)));
 }
 
-/// Children stand on their parents, are thinner, and no branch carries more than the pipes of its tips.
+/// Branches stand on their parents and are thinner than these. No branch is thicker than the pipes of its tips require.
 #[test]
 fn branches_stand_on_their_parents_and_follow_the_pipe_model() {
     let spec = preset("bird-cherry");
@@ -67,7 +67,7 @@ fn branches_stand_on_their_parents_and_follow_the_pipe_model() {
     assert!((plant.branches[0].root_radius / pipes - 1.0).abs() < 1e-12);
 }
 
-/// Mean angle (degrees) between branches of an order and what they grow on, at the joint.
+/// Mean angle (degrees) at the joint between branches of an order and the branches that they grow on.
 fn angle(plant: &Plant, order: usize) -> f64 {
     let all: Vec<f64> = plant
         .branches
@@ -78,19 +78,20 @@ fn angle(plant: &Plant, order: usize) -> f64 {
     all.iter().sum::<f64>() / all.len() as f64
 }
 
-/// Figures of the crown against those of botanical descriptions, which the presets name: width over height, where it
-/// is widest, angle of the main branches, leaves a shoot.
+/// Figures of the crown agree with the botanical descriptions that the presets name: width over height, height of the
+/// widest place, angle of the main branches, leaves on a shoot.
 #[test]
 fn trees_have_the_figures_of_their_species() {
     for (name, width, widest, fork, a_shoot) in [
-        // Crown width over tree height; share of the height where it is widest; angle; leaves a shoot.
+        // Width of the crown over the height of the tree, height of the widest place as a share, angle, leaves on a
+        // shoot.
         ("wych-elm", [0.7, 1.1], [0.35, 0.75], [35.0, 60.0], [4.0, 9.0]),
         ("balata", [0.45, 0.85], [0.5, 0.9], [40.0, 75.0], [4.0, 10.0]),
         ("bird-cherry", [0.4, 0.75], [0.25, 0.65], [30.0, 65.0], [4.0, 10.0]),
     ] {
         let plant = grow(&preset(name), None);
         let height = plant.branches.iter().map(|b| b.point(1.0).0.z).fold(0.0, f64::max);
-        // The reach that one leaf in a hundred exceeds, by height in ten slices.
+        // For each of ten slices of the height, the reach that one leaf in a hundred exceeds.
         let mut slices = vec![Vec::new(); 10];
         for leaf in &plant.leaves {
             let at = leaf.transform.w_axis.truncate();

@@ -1,9 +1,9 @@
-//! What grows on what: a branch's root is nearest to its parent's surface, or in it.
+//! Finds which branch grows on which: a branch's root lies nearest to the surface of its parent, or inside the parent.
 //!
-//! The thickest tube is the trunk. A tube of another thickness at its two ends begins at the thick one; one as thick at
-//! both may begin at either. For every tube the tubes that its root may stand on are weighed ([`weight`]). From the
-//! trunk on, every tube whose best parent is in the tree joins the tree. Where none is left, the thickest of the rest
-//! is not attached, and its own branches join it.
+//! The thickest tube is the trunk. A tube whose ends differ in thickness begins at the thick end. One with ends of
+//! equal thickness may begin at either. For every tube, the tubes that its root may stand on get a weight ([`weight`]).
+//! From the trunk on, every tube whose best parent is in the tree joins the tree. When none is left, the thickest of
+//! the remaining tubes counts as not attached, and its own branches join it.
 
 use super::Branch;
 use super::axis::Tube;
@@ -11,30 +11,32 @@ use crate::form::nearest;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A root is in its parent, or no further from its surface than this many of its own radii.
+/// The largest gap between a root and the surface of its parent, in radii of the root. A root may also lie inside the
+/// parent.
 const GAP: f64 = 1.5;
-/// A parent is at least this many times as thick as what grows on it.
+/// The least thickness of a parent relative to the branch that grows on it.
 const THICKNESS: f64 = 0.6;
-/// A tube whose ends are this much alike may begin at either.
+/// A tube may begin at either end if the thinner end has at least this share of the thickness of the other.
 const ALIKE: f64 = 0.9;
-/// Weight of standing where a parent itself begins: brothers and sisters share that place.
+/// Penalty for a root at the place where the parent itself begins, because siblings share that place.
 const BROTHER: f64 = 1.0;
-/// Other trunks begin this near to the first one's height, as a share of the plant's size.
+/// The largest difference in height between the roots of other trunks and the first one's, as a share of the plant's
+/// size.
 const GROUND: f64 = 0.03;
 
 /// A place that a tube's root may stand on.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     parent: usize,
-    /// Whether the tube begins at its thin end there.
+    /// Whether the tube's thin end is its root there.
     turned: bool,
-    /// The less the likelier.
+    /// The smaller the weight, the more likely the parent.
     weight: f64,
     gap: f64,
 }
 
 impl Tube {
-    /// A box around the axis, and the largest radius.
+    /// The box around the axis, and the largest radius.
     pub(super) fn around(&self) -> (DVec3, DVec3, f64) {
         let (low, high) = self
             .axis
@@ -44,13 +46,14 @@ impl Tube {
     }
 }
 
-/// How unlikely a parent is: how far the root is from its surface, in the child's radii, and from its axis, in the
-/// parent's.
+/// How unlikely a parent is. The weight grows with the root's distance from the parent's surface, in the child's radii,
+/// and with its distance from the parent's axis, in the parent's radii.
 fn weight(gap: f64, distance: f64, child: f64, parent: f64) -> f64 {
     gap.max(0.0) / child + 0.3 * (distance / parent).min(3.0)
 }
 
-/// Candidates of every tube, the likeliest first; and the nearest surface of all, for those that have none.
+/// The candidates of a tube, the most likely first, and the nearest surface of all other tubes, for a tube without
+/// candidates.
 fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], k: usize) -> (Vec<Candidate>, Option<(usize, f64)>) {
     let tube = &tubes[k];
     let alike = tube.tip_radius >= ALIKE * tube.root_radius;
@@ -80,7 +83,8 @@ fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], k: usize) -> (Vec<C
             }
             let mut weight = weight(gap, distance, radius, there);
             if at * tubes[j].length() < there.max(radius) {
-                // Brothers are as thick; what grows at the foot of a trunk is thinner.
+                // Siblings are about as thick as each other, whereas a branch at the foot of a trunk is thinner than
+                // the trunk.
                 if radius > 0.8 * there && tubes[j].tip_radius < ALIKE * tubes[j].root_radius {
                     continue;
                 }
@@ -98,7 +102,7 @@ pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
     let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
     let all: Vec<(Vec<Candidate>, Option<(usize, f64)>)> =
         (0..tubes.len()).into_par_iter().map(|k| candidates(&tubes, &boxes, k)).collect();
-    // The thickest first.
+    // The thickest tubes come first.
     let mut order: Vec<usize> = (0..tubes.len()).collect();
     order.sort_by(|a, b| tubes[*b].root_radius.total_cmp(&tubes[*a].root_radius).then(a.cmp(b)));
     let size =
@@ -108,7 +112,7 @@ pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
     let size = (size.1 - size.0).length();
     let mut place: Vec<Option<usize>> = vec![None; tubes.len()];
     let mut out: Vec<Branch> = Vec::with_capacity(tubes.len());
-    // Children wait for their best parent.
+    // A tube waits until its best parent is in the tree.
     let mut waiting: Vec<Vec<usize>> = vec![Vec::new(); tubes.len()];
     for (k, (list, _)) in all.iter().enumerate() {
         if let Some(best) = list.first() {
@@ -119,7 +123,8 @@ pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
         if place[*first].is_some() {
             continue;
         }
-        // A ring of tubes, each the other's best parent, is opened where a member has a parent in the tree.
+        // In a ring of tubes, each is the best parent of the next. The ring is opened where a member has another parent
+        // in the tree.
         let ring = out_of_ring(*first, &all, &place);
         let (start, candidate) = ring.map_or((*first, None), |(k, c)| (k, Some(c)));
         let mut next = vec![(start, candidate)];
@@ -140,7 +145,7 @@ pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
     out
 }
 
-/// The tube of a ring that has another parent in the tree, and that parent: the likeliest.
+/// The member of a ring with the most likely other parent in the tree, and that parent.
 fn out_of_ring(
     first: usize,
     all: &[(Vec<Candidate>, Option<(usize, f64)>)],
@@ -160,7 +165,7 @@ fn out_of_ring(
 
 fn joined(tube: &Tube, c: Candidate, list: &[Candidate], place: &[Option<usize>], out: &[Branch]) -> Branch {
     let parent = place[c.parent].unwrap_or(0);
-    // The branch as its parent has been turned.
+    // The parent's tube has the direction that it got when it was attached.
     let tube = if c.turned { tube.turned() } else { tube.clone() };
     let (at, _) = nearest(&out[parent].tube.axis, tube.axis[0]);
     let second = list.iter().filter(|o| o.parent != c.parent).map(|o| o.weight).fold(f64::INFINITY, f64::min);
@@ -177,7 +182,7 @@ fn joined(tube: &Tube, c: Candidate, list: &[Candidate], place: &[Option<usize>]
     }
 }
 
-/// A trunk, or a branch that nothing carries.
+/// Adds a trunk, or a branch that nothing carries.
 fn rootless(
     tube: &Tube,
     near: Option<(usize, f64)>,

@@ -1,9 +1,9 @@
 //! The axis of a tube, and its radius along it.
 //!
-//! Every vertex gets a height: along the direction in which the piece is longest, or, of pieces that are not much
-//! longer than wide (a hoop), the way along the surface from one end. Cuts at even heights are polygons around the
-//! tube; their centres are the axis. Heights are then measured along this axis, and the cuts made again, so that they
-//! stand across it. The radius is the line that fits the corners of the cuts.
+//! Every vertex gets a height. In a piece that is much longer than wide, it is measured along the piece's longest
+//! direction. In other pieces, such as a hoop, it is the way along the surface from one end. Cuts at even heights are
+//! polygons around the tube, and their centres form the axis. Heights are then measured along this axis and the cuts
+//! are made again, so that they stand across it. The radius is the line that fits the corners of the cuts.
 
 use super::soup::{Piece, Sets, Soup};
 use crate::form::along;
@@ -11,25 +11,25 @@ use glam::{DMat3, DVec3};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap, HashSet};
 
-/// Most cuts through a piece.
+/// The largest number of cuts through a piece.
 const CUTS: usize = 48;
-/// A piece this many times as long as wide is followed along its longest direction.
+/// A piece with at least this ratio of length to width is followed along its longest direction.
 const SLENDER: f64 = 4.0;
-/// How often cuts are made again.
+/// Number of rounds in which the cuts are made.
 const ROUNDS: usize = 3;
-/// Cuts of less than this share of the radius that the others have there are through a cap.
+/// A cut goes through a cap if its radius is below this share of the radius that the other cuts give there.
 const CAP: f64 = 0.6;
-/// Root mean square by which outlines may stray from their radius, as a share of it.
+/// Largest root mean square deviation of outlines from their radius, as a share of it.
 const ROUND: f64 = 0.5;
-/// A tube is at least this many radii long.
+/// The least length of a tube in radii.
 const SHORTEST: f64 = 1.5;
-/// Share of the cuts that may consist of several polygons.
+/// Largest share of cuts that consist of several polygons.
 const FORKED: f64 = 0.2;
 
 /// A tapered tube.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tube {
-    /// From root to tip (mm); until it is attached, from the thick end to the thin one.
+    /// Points from root to tip (mm). Until the tube is attached, they go from the thick end to the thin one.
     pub axis: Vec<DVec3>,
     /// Radius at the beginning of the axis (mm).
     pub root_radius: f64,
@@ -38,7 +38,7 @@ pub struct Tube {
 }
 
 impl Tube {
-    /// Along the axis (mm).
+    /// Length along the axis (mm).
     pub fn length(&self) -> f64 {
         self.axis.windows(2).map(|w| w[0].distance(w[1])).sum()
     }
@@ -55,7 +55,7 @@ impl Tube {
     }
 }
 
-/// Eigenvalues of a symmetric matrix, the largest first, with their unit vectors (Jacobi's rotations).
+/// Eigenvalues of a symmetric matrix, the largest first, with their unit eigenvectors (Jacobi's rotations).
 pub(crate) fn principal(m: DMat3) -> [(f64, DVec3); 3] {
     let mut a = m.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();
@@ -79,7 +79,7 @@ pub(crate) fn principal(m: DMat3) -> [(f64, DVec3); 3] {
                 let (x, y) = (a[p][k], a[q][k]);
                 (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
             }
-            // Columns of v are the vectors.
+            // The columns of v become the eigenvectors.
             for k in 0..3 {
                 let (x, y) = (v[p][k], v[q][k]);
                 (v[p][k], v[q][k]) = (c * x - s * y, s * x + c * y);
@@ -91,16 +91,16 @@ pub(crate) fn principal(m: DMat3) -> [(f64, DVec3); 3] {
     out
 }
 
-/// The piece with vertices of its own.
+/// A piece with its own list of vertices.
 struct Mesh {
     places: Vec<DVec3>,
     triangles: Vec<[usize; 3]>,
 }
 
-/// The axis of a piece.
+/// The axis and radii of a piece.
 ///
 /// # Errors
-/// What the piece is instead of a tube, in words.
+/// A text that says why the piece is not a tube.
 pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     let mesh = mesh(soup, piece);
     let mut heights = heights(&mesh);
@@ -117,7 +117,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
                 Some((level, cut(&mesh, &heights, level)?))
             })
             .collect();
-        // At first, cuts near the ends may not go around the tube.
+        // In the first round, cuts near the ends may not go all around the tube.
         let skip = if round == 0 && cuts.len() >= 8 { cuts.len() / 8 } else { 0 };
         let inner = &cuts[skip..cuts.len() - skip];
         let [(first, start), (second, next)] = match inner {
@@ -141,7 +141,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     if forked > FORKED {
         return Err(format!("{:.0} % of the cuts across it have several outlines: it forks", 100.0 * forked));
     }
-    // What the last heights say of the ends.
+    // The final heights give the places of the ends.
     let (low, high) = range(&heights);
     let length = high - low;
     let axis = trimmed(&axis, low, high);
@@ -178,7 +178,7 @@ fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)))
 }
 
-/// Heights to begin with.
+/// The heights of the first round.
 fn heights(mesh: &Mesh) -> Vec<f64> {
     let mean = mesh.places.iter().sum::<DVec3>() / mesh.places.len() as f64;
     let spread = mesh.places.iter().fold(DMat3::ZERO, |sum, p| {
@@ -207,7 +207,7 @@ fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
     out
 }
 
-/// The way along edges from the nearest of `sources` to every vertex (Dijkstra).
+/// The length of the shortest way along edges from `sources` to every vertex (Dijkstra).
 fn ways(mesh: &Mesh, neighbours: &[Vec<usize>], sources: &[usize]) -> Vec<f64> {
     let mut way = vec![f64::INFINITY; mesh.places.len()];
     let mut next: BinaryHeap<Reverse<(u64, usize)>> = BinaryHeap::new();
@@ -215,7 +215,7 @@ fn ways(mesh: &Mesh, neighbours: &[Vec<usize>], sources: &[usize]) -> Vec<f64> {
         way[*s] = 0.0;
         next.push(Reverse((0, *s)));
     }
-    // Bits of numbers that are not negative are in the order of the numbers.
+    // The bit patterns of non-negative numbers have the same order as the numbers.
     while let Some(Reverse((bits, at))) = next.pop() {
         if f64::from_bits(bits) > way[at] {
             continue;
@@ -264,20 +264,21 @@ fn rim(mesh: &Mesh, from: usize) -> Vec<usize> {
 
 /// A cut across a piece.
 struct Cut {
-    /// Of its outline.
+    /// Centre of its outline.
     centre: DVec3,
-    /// Outlines that do not touch.
+    /// Number of outlines that do not touch each other.
     polygons: usize,
-    /// From the centre to the corners; half of the crossed edges are diagonals, which meet the outline between corners.
+    /// Mean distance of the corners from the centre. Half of the crossed edges are diagonals, which meet the outline
+    /// between corners.
     radius: f64,
-    /// Root mean square by which the crossed edges stray from their mean distance.
+    /// Root mean square deviation of the crossed edges' distances from their mean.
     stray: f64,
 }
 
 fn cut(mesh: &Mesh, heights: &[f64], level: f64) -> Option<Cut> {
     let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
     let mut crossings = BTreeMap::new();
-    // Crossed edges that share a triangle are of one outline.
+    // Crossed edges of the same triangle belong to the same outline.
     let (mut outlines, mut number) = (Sets::default(), HashMap::new());
     for t in &mesh.triangles {
         let mut crossed = Vec::with_capacity(2);
@@ -308,7 +309,8 @@ fn cut(mesh: &Mesh, heights: &[f64], level: f64) -> Option<Cut> {
     Some(Cut { centre, polygons: outlines.count(), radius: mean(&distances[distances.len() / 2..]), stray })
 }
 
-/// The height of a place along an axis, also before its beginning and beyond its end, and the distance from it.
+/// The height of a place along an axis, which is extended beyond both ends, and the distance of the place from the
+/// axis.
 fn height_along(axis: &[DVec3], place: DVec3) -> (f64, f64) {
     let mut best = (0.0, f64::INFINITY);
     let mut before = 0.0;
@@ -333,7 +335,7 @@ fn height_along(axis: &[DVec3], place: DVec3) -> (f64, f64) {
     best
 }
 
-/// The axis from height `low` to height `high`.
+/// The part of the axis from height `low` to height `high`.
 fn trimmed(axis: &[DVec3], low: f64, high: f64) -> Vec<DVec3> {
     let whole: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();
     let at = |height: f64| {
@@ -354,7 +356,8 @@ fn trimmed(axis: &[DVec3], low: f64, high: f64) -> Vec<DVec3> {
     out
 }
 
-/// The line through radii by their share of the axis, at 0 and at 1, without the cuts through a cap.
+/// Fits a line to radii over the share of the axis and returns its values at 0 and at 1. Cuts through a cap are left
+/// out.
 fn line(points: &[(f64, f64)]) -> [f64; 2] {
     let mut keep: Vec<bool> = vec![true; points.len()];
     let mut ends = [0.0; 2];

@@ -1,4 +1,5 @@
-//! Which piece is a blade: one whose triangles all face about the same two ways. A tube's face all ways around.
+//! Finds which piece is a blade: its triangles all face about the same two opposite directions. A tube's triangles face
+//! all directions around it.
 
 use super::axis::principal;
 use super::soup::{Piece, Soup};
@@ -6,13 +7,13 @@ use super::{Branch, Leaf};
 use crate::form::nearest;
 use glam::{DMat3, DVec3};
 
-/// Least share of a piece's area, as it were, that faces along one line: 1 of a flat piece, at most ½ of a round tube
-/// (Σ A n nᵀ/Σ A has the eigenvalues ½, ½ and 0 there). Between them lie blades that are folded or curled.
+/// Least ratio of the largest eigenvalue of Σ A n nᵀ to the area Σ A. It is 1 for a flat piece, and at most ½ for a
+/// round tube, whose eigenvalues are ½, ½ and 0. Folded or curled blades lie between.
 const FLAT: f64 = 0.72;
-/// A blade hangs on a branch that is no further from it than this share of its length: stalks are often not drawn.
+/// Largest gap between a blade and its branch, as a share of the blade's length. Stalks are often not drawn.
 const STALK: f64 = 0.6;
 
-/// The blade that a piece is, or nothing.
+/// The piece as a blade, or `None` if it is none.
 pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
     let (mut facing, mut whole) = (DMat3::ZERO, 0.0);
     for t in &piece.triangles {
@@ -28,7 +29,8 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
     }
     let centre = soup.centre(piece);
     let corners = piece.triangles.iter().flat_map(|t| soup.corners(*t));
-    // Twelve times the second moment of the area: of a triangle, that of its corners and of their sum.
+    // The second moment of the area, times 24. For a triangle it is A/12 times the sum of d dᵀ over its corners and
+    // over their sum, and `area` is 2A.
     let spread = piece.triangles.iter().fold(DMat3::ZERO, |sum, t| {
         let [a, b, c] = soup.corners(*t);
         let area = (b - a).cross(c - a).length();
@@ -55,7 +57,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
     })
 }
 
-/// Hangs every blade on the branch that is nearest to one of its two ends.
+/// Attaches every blade to the branch that is nearest to one of its two ends.
 pub fn hang(leaves: &mut [Leaf], branches: &[Branch]) {
     use rayon::prelude::*;
     let boxes: Vec<(DVec3, DVec3, f64)> = branches.iter().map(|b| b.tube.around()).collect();

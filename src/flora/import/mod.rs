@@ -1,8 +1,9 @@
-//! Finds the branches of a plant that is nothing but triangles, such as other programs write: connected pieces
-//! ([`soup`]), the axis of each ([`axis`]), which piece is a blade ([`leaf`]) and what grows on what ([`attach`]).
+//! Finds the branches of a plant that consists of triangles only, as other programs write it. The steps are connected
+//! pieces ([`soup`]), the axis of each ([`axis`]), the pieces that are blades ([`leaf`]), and which branch grows on
+//! which ([`attach`]).
 //!
-//! A branch is one connected tube. What cannot be attached is listed with a reason. Lengths are in mm, in the frame of
-//! the file that was read (y up, as glTF has it).
+//! A branch is one connected tube. A branch that cannot be attached is listed with a reason. Lengths are in mm, in the
+//! frame of the file that was read (y up, as in glTF).
 
 pub mod attach;
 pub mod axis;
@@ -20,12 +21,12 @@ use rayon::prelude::*;
 use soup::Soup;
 use std::path::Path;
 
-/// What a plant consists of.
+/// The parts of a plant that were found.
 #[derive(Debug, Clone, Default)]
 pub struct Found {
-    /// Parents stand before what grows on them; what cannot be attached stands last.
+    /// The branches. Parents stand before what grows on them, and branches that cannot be attached stand last.
     pub branches: Vec<Branch>,
-    /// Blades, and what they hang on.
+    /// The blades, and the branches that they hang on.
     pub leaves: Vec<Leaf>,
     /// Pieces that are neither a tube nor a blade, with a reason.
     pub others: Vec<Other>,
@@ -42,11 +43,11 @@ pub struct Branch {
     pub parent: Option<usize>,
     /// Share of the parent's axis at which it grows.
     pub at: f64,
-    /// 0 is a trunk; of a branch that is not attached, nothing is known.
+    /// Level of the branch; 0 is a trunk. It is unknown for a branch that is not attached.
     pub level: Option<usize>,
-    /// How sure its parent is, from 0 to 1.
+    /// How certain the parent is, from 0 to 1.
     pub confidence: f64,
-    /// Why it is not attached; nothing where it is, and for a trunk.
+    /// Why it is not attached; `None` for a trunk and for a branch that is attached.
     pub unattached: Option<String>,
 }
 
@@ -55,7 +56,7 @@ pub struct Branch {
 pub struct Leaf {
     /// Its middle (mm).
     pub centre: DVec3,
-    /// Across its plane; which of the two sides is the front, a flat piece does not say.
+    /// Unit normal of its plane. A flat piece does not tell which of its two sides is the front.
     pub normal: DVec3,
     /// Length and width (mm).
     pub size: [f64; 2],
@@ -63,9 +64,9 @@ pub struct Leaf {
     pub area: f64,
     /// The two ends of its longest extent (mm).
     pub ends: [DVec3; 2],
-    /// The branch it hangs on, and the share of its axis; nothing where none is near.
+    /// The branch that it hangs on, and the share of its axis; `None` where no branch is near.
     pub joint: Option<(usize, f64)>,
-    /// From the blade's edge to the branch's surface (mm).
+    /// Distance from the blade's edge to the branch's surface (mm).
     pub gap: f64,
 }
 
@@ -76,14 +77,14 @@ pub struct Other {
     pub centre: DVec3,
     /// Its triangles.
     pub triangles: usize,
-    /// What is wrong with it.
+    /// Why it is neither.
     pub why: String,
 }
 
-/// Reads `path`, whose lengths are in `unit` (where none is given, in the file's own), and finds its branches.
+/// Reads `path` and finds its branches. Lengths are in `unit`, or in the file's own unit where none is given.
 ///
 /// # Errors
-/// [`Error::Input`] in one sentence, as [`soup::read`]; a file in which no piece is a tube.
+/// [`Error::Input`] in one sentence, for what [`soup::read`] refuses and for a file in which no piece is a tube.
 pub fn import(path: &Path, unit: Option<Unit>) -> Result<Found> {
     let soup = soup::read(path, unit)?;
     let found = find(&soup);

@@ -1,4 +1,4 @@
-//! All triangles of a file in one list, with vertices at one place made one, cut into connected pieces.
+//! All triangles of a file in one list, cut into connected pieces. Vertices at the same place are merged.
 
 use crate::file::{INSTANCING, MOST_TRIANGLES};
 use crate::{Error, Result};
@@ -8,32 +8,33 @@ use mesophyll_files::mesh::Unit;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Vertices nearer than this share of the plant's size are one.
+/// Vertices are merged if their distance is less than this share of the plant's size.
 const WELD: f64 = 1e-6;
 
-/// Triangles between places.
+/// Triangles, and the places of their corners.
 #[derive(Debug, Clone, Default)]
 pub struct Soup {
-    /// mm.
+    /// Places of the vertices (mm).
     pub places: Vec<DVec3>,
-    /// Three places each.
+    /// Indices of the three places of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Triangles without an area, which were left out.
     pub degenerate: usize,
 }
 
-/// Triangles that hang together.
+/// A set of connected triangles.
 #[derive(Debug, Clone, Default)]
 pub struct Piece {
     /// Indices of triangles.
     pub triangles: Vec<u32>,
 }
 
-/// Reads every triangle of the file's scene where its nodes put it; instances too.
+/// Reads every triangle of the file's scene at the place that its nodes give, including instances.
 ///
 /// # Errors
-/// [`Error::Input`] in one sentence: what [`gltf_file::read`] and [`gltf_file::surface`] refuse, more than
-/// [`MOST_TRIANGLES`] triangles, transforms that are not finite, no triangle with an area.
+/// [`Error::Input`] in one sentence, for what [`gltf_file::read`] and [`gltf_file::surface`] refuse, for more than
+/// [`MOST_TRIANGLES`] triangles, for transforms that are not finite, and for a file without a triangle that has an
+/// area.
 pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
     gltf_file::read(path, &[INSTANCING], |opened| {
         crate::file::count(path, &opened)?;
@@ -117,19 +118,19 @@ fn add_mesh(
     Ok(())
 }
 
-/// Which numbers hang together: each points to a lower one of its set, or to itself.
+/// Sets of connected numbers. Each number points to a lower one of its set, or to itself.
 #[derive(Debug, Default)]
 pub(super) struct Sets(Vec<u32>);
 
 impl Sets {
-    /// A further number, in a set of its own.
+    /// Adds a number, in a set of its own.
     pub(super) fn add(&mut self) -> u32 {
         let new = self.0.len() as u32;
         self.0.push(new);
         new
     }
 
-    /// The lowest number of the set of `k`.
+    /// The lowest number of the set that holds `k`.
     fn top(&mut self, mut k: u32) -> u32 {
         while self.0[k as usize] != k {
             self.0[k as usize] = self.0[self.0[k as usize] as usize];
@@ -138,20 +139,20 @@ impl Sets {
         k
     }
 
-    /// Makes one set of two.
+    /// Joins two sets.
     pub(super) fn join(&mut self, a: u32, b: u32) {
         let (p, q) = (self.top(a), self.top(b));
         self.0[p.max(q) as usize] = p.min(q);
     }
 
-    /// How many sets there are.
+    /// Number of sets.
     pub(super) fn count(&self) -> usize {
         self.0.iter().enumerate().filter(|(k, up)| *k as u32 == **up).count()
     }
 }
 
 impl Soup {
-    /// Makes vertices at one place one, and leaves out triangles without an area.
+    /// Merges vertices at the same place, and leaves out triangles without an area.
     pub fn new(corners: &[[DVec3; 3]]) -> Soup {
         let (low, high) = corners
             .iter()
@@ -178,10 +179,10 @@ impl Soup {
         soup
     }
 
-    /// The vertex within a cell's width of a place, or a new one.
+    /// The vertex within a cell's width of a place. Where there is none, a new one is made.
     fn index(&mut self, place: DVec3, low: DVec3, cell: f64, known: &mut HashMap<I64Vec3, Vec<u32>>) -> u32 {
         let at = (place / cell).floor().as_i64vec3();
-        // The neighbouring cells, where the place is near their border.
+        // The neighbouring cells are searched too, because the place may be near their border.
         let near = |c: f64| if c.fract() < 0.5 { -1 } else { 1 };
         let scaled = place / cell;
         let steps = [near(scaled.x), near(scaled.y), near(scaled.z)];
@@ -208,7 +209,7 @@ impl Soup {
         self.triangles[triangle as usize].map(|k| self.places[k as usize])
     }
 
-    /// Mean of the places of a piece, each triangle by its area.
+    /// Mean place of a piece, with each triangle weighted by its area.
     pub fn centre(&self, piece: &Piece) -> DVec3 {
         let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
         for t in &piece.triangles {
@@ -220,7 +221,7 @@ impl Soup {
         sum / whole
     }
 
-    /// Pieces in the order of their first triangles.
+    /// The pieces, in the order of their first triangles.
     pub fn pieces(&self) -> Vec<Piece> {
         let mut sets = Sets((0..self.places.len() as u32).collect());
         for [a, b, c] in &self.triangles {

@@ -1,4 +1,4 @@
-//! What was found, as tables: `branches.csv`, `leaves.csv` and `others.csv`.
+//! Writes what was found as tables: `branches.csv`, `leaves.csv` and `others.csv`.
 
 use super::Found;
 use crate::Result;
@@ -14,8 +14,8 @@ pub const LEAVES: &str = "leaf,branch,at,x,y,z,nx,ny,nz,length_mm,width_mm,area_
 /// Columns of `others.csv`.
 pub const OTHERS: &str = "piece,x,y,z,triangles,status";
 
-/// Writes the tables into `folder`, each whole or not at all; those without rows too, so that none of an earlier run
-/// stays.
+/// Writes the tables into `folder`, each whole or not at all. Tables without rows are written too, so that none from an
+/// earlier run stays.
 ///
 /// # Errors
 /// As [`atomic::write_bytes`].
@@ -28,14 +28,14 @@ pub fn write(found: &Found, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A cell that may hold a comma.
+/// A cell of a table, quoted because it may hold a comma.
 fn quoted(text: &str) -> String {
     let mut out = Vec::new();
     push_text(&mut out, text);
     String::from_utf8_lossy(&out).into_owned()
 }
 
-/// `branches.csv`. The direction is that from the root to the tip.
+/// The text of `branches.csv`. The direction is from the root to the tip.
 pub fn branches(found: &Found) -> String {
     let mut out = format!("{BRANCHES}\n");
     for (k, b) in found.branches.iter().enumerate() {

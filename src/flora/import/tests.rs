@@ -1,4 +1,4 @@
-//! Plants whose branches are known, as triangles.
+//! Plants with known branches, given as triangles.
 
 use super::*;
 use crate::form::Plant;
@@ -9,7 +9,7 @@ use mesophyll_files::mesh::LeafMesh;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// A branch that is known.
+/// A known branch.
 #[derive(Debug, Clone)]
 struct Known {
     root: DVec3,
@@ -18,16 +18,16 @@ struct Known {
     parent: Option<usize>,
 }
 
-/// How a soup is written.
+/// How a soup of triangles is written.
 #[derive(Debug, Clone, Copy)]
 struct Style {
-    /// What one unit of the file's positions is (mm).
+    /// The unit of the file's positions (mm).
     unit: f64,
-    /// Scale and turn of the node that undoes it.
+    /// A scale of the positions, which the node undoes together with a turn.
     scale: f64,
-    /// Triangles a primitive.
+    /// Number of triangles in a primitive.
     cut: usize,
-    /// Shared vertices are repeated for every triangle.
+    /// Whether shared vertices are repeated for every triangle.
     apart: bool,
 }
 
@@ -47,7 +47,7 @@ fn write_soup(meshes: &[LeafMesh], style: Style, path: &Path) {
         let (position, index) = (file.floats("VEC3", &narrow), file.indices(indices));
         primitives.push(json!({"attributes": {"POSITION": position}, "indices": index}));
     };
-    // One list of everything first: no piece has a primitive of its own.
+    // Everything goes into one list first, so that no piece has a primitive of its own.
     let (mut positions, mut indices) = (Vec::new(), Vec::new());
     for mesh in meshes {
         let first = positions.len() as u32;
@@ -68,7 +68,8 @@ fn write_soup(meshes: &[LeafMesh], style: Style, path: &Path) {
     file.write(path, root).unwrap();
 }
 
-/// What share of the known branches was found (root within two radii, length within 5 %), and of their parents.
+/// The share of known branches that were found (root within two radii, length within 5 %), and the share of them with
+/// the right parent.
 fn judge(known: &[Known], found: &Found) -> [f64; 2] {
     let mut taken = vec![false; found.branches.len()];
     let matched: Vec<Option<usize>> = known
@@ -127,7 +128,7 @@ fn through_a_file(meshes: &[LeafMesh], style: Style) -> Found {
     import(&path, None).unwrap()
 }
 
-/// Roots on the parent's axis, bent axes, leaves among the wood.
+/// A tree whose roots lie on the parent's axis, with bent axes, and with leaves among the wood.
 #[test]
 fn branches_of_a_grown_tree_are_found() {
     let plant = preset("wych-elm");
@@ -147,7 +148,7 @@ fn branches_of_a_grown_tree_are_found() {
     );
     assert!(there >= 0.99 && right >= 0.97, "{there} {right}");
     assert_eq!(found.leaves.len(), plant.leaves.len());
-    // Radii at both ends.
+    // The radii at both ends are right.
     let radius = |tube: &Tube| (tube.root_radius, tube.tip_radius);
     let trunk = &found.branches[0].tube;
     assert!((radius(trunk).0 / plant.branches[0].root_radius - 1.0).abs() < 0.02, "{:?}", radius(trunk));
@@ -163,7 +164,7 @@ fn units_scales_and_primitives_change_nothing() {
         PLAIN,
         Style { scale: 0.01, ..PLAIN },
         Style { scale: 0.001, apart: true, ..PLAIN },
-        // Primitives that end in the middle of a branch.
+        // Primitives end in the middle of a branch.
         Style { cut: 97, scale: 3.0, ..PLAIN },
     ];
     for style in styles {
@@ -173,12 +174,13 @@ fn units_scales_and_primitives_change_nothing() {
     }
 }
 
-/// A generator that shares nothing with the other: rings by a walk, closed ends, branches that fork in twos and threes.
+/// A generator that shares no code with the other one: rings along a walk, closed ends, branches that fork in twos and
+/// threes.
 struct Walk {
     meshes: Vec<LeafMesh>,
     known: Vec<Known>,
     state: u64,
-    /// Where a child's root lies: on the parent's axis (0) or on its surface (1).
+    /// The place of a child's root, from the parent's axis (0) to its surface (1).
     outside: f64,
     sides: usize,
     curve: f64,
@@ -218,7 +220,7 @@ impl Walk {
                 mesh.indices.extend([a, b, a + n, b, b + n, a + n]);
             }
         }
-        // Closed by fans around the ends of the axis.
+        // The ends are closed by fans around the ends of the axis.
         for (ring, centre) in [(0, path[0]), (path.len() as u32 - 1, path[path.len() - 1])] {
             let middle = mesh.positions.len() as u32;
             mesh.positions.push(centre);
@@ -271,7 +273,7 @@ fn branches_of_another_generator_are_found() {
     }
 }
 
-/// A branch that floats, a ball and a cut-off piece of no length are listed, each with a reason.
+/// A floating branch, a ball and a cut-off piece without length are listed, each with a reason.
 #[test]
 fn what_cannot_be_attached_is_listed() {
     let mut walk = Walk { meshes: Vec::new(), known: Vec::new(), state: 5, outside: 0.0, sides: 8, curve: 0.3 };
@@ -290,7 +292,7 @@ fn what_cannot_be_attached_is_listed() {
     assert!(found.others[0].why.contains("long and"), "{}", found.others[0].why);
 }
 
-/// A rectangle of two triangles, which share a diagonal, is as long and as wide as it is.
+/// A rectangle of two triangles, which share a diagonal, gets its true length and width.
 #[test]
 fn blades_are_measured_along_their_sides() {
     let trunk = crate::form::tube(&[DVec3::ZERO, DVec3::Z * 400.0], [6.0, 3.0], 8, 6);
@@ -302,7 +304,7 @@ fn blades_are_measured_along_their_sides() {
     assert!(leaf.joint.is_some());
 }
 
-/// Small files that ask for endless work or memory are refused by name.
+/// Small files that would need endless work or memory are refused by name.
 #[test]
 fn files_that_promise_too_much_are_refused() {
     let dir = tempfile::tempdir().unwrap();

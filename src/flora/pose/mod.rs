@@ -1,13 +1,14 @@
-//! A plant in the wind: where its branches are when each is bent by an amplitude of its own, and what hangs on them.
+//! A plant in the wind: the places of its branches when each is bent by an amplitude of its own, and of what hangs on
+//! them.
 //!
-//! A branch's axis at rest is a line of points, not a straight beam. Its bend is that of the straight beam from its
-//! root to its tip ([`mesophyll_plant::length`]): the piece of the axis at the share x is turned as the beam is turned
-//! there, in one plane and about one direction across it. So each piece keeps its length, and a straight axis becomes
-//! the bent beam itself. The sum over the pieces needs no quadrature: along a bent beam ∫ cos and ∫ sin of the turn
-//! are its places along and across.
+//! A branch's axis at rest is a line of points, not a straight beam. It bends like the straight beam from its root to
+//! its tip ([`mesophyll_plant::length`]): the piece of the axis at the share x turns as much as the beam turns there,
+//! in one plane, about one direction across it. So each piece keeps its length, and a straight axis becomes the bent
+//! beam itself. The sum over the pieces needs no quadrature, because ∫ cos and ∫ sin of the turn along a bent beam are
+//! its places along and across.
 //!
-//! A branch follows the cross-section of its parent where it grows, rigidly, and then bends in its own frame; leaves
-//! follow the cross-section of theirs, and may turn on it by themselves. An amplitude of 0 changes no number.
+//! A branch rigidly follows the cross-section of its parent where it grows, and then bends in its own frame. Leaves
+//! follow the cross-section of their branch, and may turn on it by themselves. An amplitude of 0 changes no number.
 
 use crate::form::{Branch, Joint, Plant, nearest};
 use glam::{DMat3, DMat4, DVec3};
@@ -17,46 +18,47 @@ use mesophyll_plant::quadrature::gauss;
 use mesophyll_plant::taper::Shape;
 use std::sync::LazyLock;
 
-/// Rule and Newton steps of the arc's length: to 1e-9 of it for small bends. For tips at
-/// [`FURTHEST`] it is right to 3e-8 at a taper of .01, and to 5e-6 at 1e-4, the thinnest.
+/// Quadrature rule and number of Newton steps for the arc's length. They are accurate to 1e-9 of it for small bends.
+/// For tips at [`FURTHEST`] they are accurate to 3e-8 at a taper of .01, and to 5e-6 at 1e-4, the thinnest.
 static NODES: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(12));
 const STEPS: usize = 5;
 
-/// A tip's deflection over the branch's length, as a beam's without its length kept, that no wind exceeds: beyond it a
-/// beam says nothing. Deflections are as they come up to [`FREELY`] and approach this one above.
+/// The largest deflection of a tip over the branch's length, as a beam has it that does not keep its length. Beyond it
+/// the beam model says nothing, and no wind exceeds it. Deflections are unchanged up to [`FREELY`], and approach this
+/// limit above.
 pub const FURTHEST: f64 = 1.0;
-/// Up to here a deflection is as it comes.
+/// Up to this ratio a deflection is unchanged.
 pub const FREELY: f64 = 0.75;
 
-/// The posed axis has a point wherever it turned by this angle (rad): its length as a line of points is then right to
+/// The angle (rad) after which the posed axis gets a new point. The length of the line of points is then accurate to
 /// 1e-6.
 const FINE: f64 = 0.005;
 
-/// Sections that carry bark lie at multiples of this share of a branch: a vertex is carried by the nearest. On a branch
-/// that is bent by a radian its place is then off by 1e-4 of the branch's radius.
+/// Sections that carry bark lie at multiples of this share of a branch, and a vertex follows the nearest one. On a
+/// branch that is bent by a radian its place is then wrong by 1e-4 of the branch's radius.
 pub const SECTION_STEP: f64 = 1.0 / 8192.0;
 
-/// A rigid motion: what a cross-section of a branch does to all that hangs on it.
+/// A rigid motion: how a cross-section of a branch moves everything that hangs on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rigid {
     /// A point at rest.
     pub from: DVec3,
-    /// Where it goes.
+    /// The place that the point moves to.
     pub to: DVec3,
-    /// How directions turn.
+    /// The rotation of directions.
     pub turn: DMat3,
 }
 
 impl Rigid {
-    /// Nothing moves.
+    /// The motion that moves nothing.
     pub const STILL: Rigid = Rigid { from: DVec3::ZERO, to: DVec3::ZERO, turn: DMat3::IDENTITY };
 
-    /// Where a point goes.
+    /// The place that a point moves to.
     pub fn place(&self, point: DVec3) -> DVec3 {
         self.to + self.turn * (point - self.from)
     }
 
-    /// Where a frame goes.
+    /// The frame after the motion.
     pub fn carry(&self, frame: DMat4) -> DMat4 {
         if *self == Rigid::STILL {
             return frame;
@@ -65,14 +67,15 @@ impl Rigid {
         DMat4::from_cols(x, y, z, self.place(frame.w_axis.truncate()).extend(1.0))
     }
 
-    /// The same motion in another frame, into which `place` turns, moves and scales alike along all axes.
+    /// The same motion in another frame. `place`, the transform to it, is a rotation, a translation, and the same scale
+    /// along all axes.
     pub fn moved(&self, place: DMat4) -> Rigid {
         let turn = DMat3::from_mat4(place) * place.determinant().cbrt().recip();
         let [from, to] = [self.from, self.to].map(|p| place.transform_point3(p));
         Rigid { from, to, turn: turn * self.turn * turn.transpose() }
     }
 
-    /// First `inner`, then this.
+    /// The motion `inner`, followed by this one.
     fn after(&self, inner: &Rigid) -> Rigid {
         if *self == Rigid::STILL {
             return *inner;
@@ -81,20 +84,20 @@ impl Rigid {
     }
 }
 
-/// What bends of a branch, in the plant's frame.
+/// A branch as far as bending needs it, in the plant's frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limb {
     parent: Option<(usize, f64)>,
-    /// Where it begins.
+    /// The place where it begins.
     root: DVec3,
-    /// Orthonormal: t from root to tip, r and s across it.
+    /// Orthonormal vectors: t from root to tip, r and s across it.
     pub axes: [DVec3; 3],
-    /// Along the axis (mm); 0 bends nowhere.
+    /// Length along the axis (mm). A branch of length 0 does not bend.
     pub length: f64,
     shape: Shape<f64>,
-    /// Where a piece of the axis begins: the share of the length, the place, and the piece's unit direction.
+    /// The beginning of each piece of the axis: the share of the length, the place, and the piece's unit direction.
     pieces: Vec<(f64, DVec3, DVec3)>,
-    /// The tip's deflection for an amplitude of 1, small bends, over the length.
+    /// The tip's deflection over the length for an amplitude of 1, for small bends.
     pub tip: f64,
 }
 
@@ -123,12 +126,12 @@ impl Limb {
         let (root, parent) = (branch.root, branch.parent.map(|j| (j.branch, j.at)));
         let mut limb = Limb { parent, root, axes: [t, r, t.cross(r)], length, shape, pieces, tip: 0.0 };
         let tip: f64 = limb.pieces.iter().enumerate().map(|(k, p)| limb.rise(k) * t.dot(p.2)).sum();
-        // A curled axis reaches less far, but no bend makes up for more than half of it.
+        // The tip of a curled axis moves less than that of a straight beam. At most a factor of two makes up for this.
         limb.tip = tip.max(0.5 * limb.shape.tip());
         limb
     }
 
-    /// By how much the beam's deflection grows along piece `k`, for an amplitude of 1.
+    /// The growth of the beam's deflection along piece `k`, for an amplitude of 1.
     fn rise(&self, k: usize) -> f64 {
         let end = self.pieces.get(k + 1).map_or(1.0, |p| p.0);
         self.shape.at(end).0 - self.shape.at(self.pieces[k].0).0
@@ -138,13 +141,13 @@ impl Limb {
 /// A bent branch.
 #[derive(Debug, Clone)]
 struct Swung {
-    /// What the place where it grows does to it.
+    /// The motion of the place where it grows.
     base: Rigid,
     size: f64,
-    /// In the plane of bending and across it, at rest.
+    /// Unit vectors in the plane of bending and across it, at rest.
     e: DVec3,
     b: DVec3,
-    /// Of every piece's beginning: along and across the beam, and its place before the base moves it.
+    /// For the beginning of every piece: its places along and across the beam, and its place before the base moves it.
     marks: Vec<(f64, f64, DVec3)>,
 }
 
@@ -153,28 +156,28 @@ struct Swung {
 pub struct Pose<'a> {
     limbs: &'a Limbs,
     swung: Vec<Swung>,
-    /// How every leaf turns before its branch carries it; empty where none does.
+    /// The motion of every leaf before its branch carries it; empty where no leaf moves by itself.
     leaves: Vec<Rigid>,
 }
 
-/// A size of 0 or more that stays as it is up to `free`, and approaches `furthest` above.
+/// A size (0 or more) that is unchanged up to `free` and approaches `furthest` above.
 pub fn limited(size: f64, free: f64, furthest: f64) -> f64 {
     let room = furthest - free;
     if size <= free { size } else { free + room * ((size - free) / room).tanh() }
 }
 
 impl Limbs {
-    /// `shape` gives the coefficients of a taper.
+    /// The branches of a plant at rest. `shape` gives the beam's coefficients for a taper.
     pub fn new(plant: &Plant, shape: impl Fn(f64) -> Shape<f64>) -> Limbs {
         Limbs(plant.branches.iter().map(|b| Limb::new(b, &shape)).collect())
     }
 
-    /// All branches, each bent by its amplitude towards r and s: F/(E′r₁⁴) over the length, as
-    /// [`mesophyll_plant::branch`] has it. What is not finite bends nothing.
+    /// All branches, each bent by its amplitude towards r and s. An amplitude is F/(E′r₁⁴) over the length, as in
+    /// [`mesophyll_plant::branch`]. An amplitude that is not finite bends nothing.
     pub fn pose(&self, amplitudes: impl Fn(usize) -> [f64; 2]) -> Pose<'_> {
         let mut pose = Pose { limbs: self, swung: Vec::with_capacity(self.0.len()), leaves: Vec::new() };
         for (k, limb) in self.0.iter().enumerate() {
-            // Parents stand before what grows on them.
+            // Parents stand before what grows on them, so their pose is known.
             let base = limb.parent.map_or(Rigid::STILL, |(parent, at)| pose.at(parent, at));
             let [t, r, s] = limb.axes;
             let [x, y] = amplitudes(k);
@@ -205,7 +208,7 @@ impl Swung {
         bend_with(&limb.shape, x, self.size, &NODES, STEPS)
     }
 
-    /// Where the axis is at `x`, within piece `k`, before the base moves it.
+    /// The place of the axis at `x`, within piece `k`, before the base moves it.
     fn end(&self, limb: &Limb, k: usize, x: f64, bent: &Bent<f64>) -> DVec3 {
         let (begin, _, way) = limb.pieces[k];
         let (along, across, place) = self.marks[k];
@@ -217,19 +220,19 @@ impl Swung {
 }
 
 impl Pose<'_> {
-    /// The same with leaves that turn by themselves: how each moves from rest, in the plant's frame.
+    /// The same pose with leaves that turn by themselves. `leaves` are their motions from rest, in the plant's frame.
     pub fn with_leaves(self, leaves: Vec<Rigid>) -> Self {
         Pose { leaves, ..self }
     }
 
-    /// How leaf `k` of the plant moves from rest, which hangs at `joint`.
+    /// The motion from rest of leaf `k` of the plant, which hangs at `joint`.
     pub fn leaf(&self, k: usize, joint: Joint) -> Rigid {
         let carried = self.at(joint.branch, joint.at);
         self.leaves.get(k).map_or(carried, |own| carried.after(own))
     }
 
-    /// What the cross-section of branch `k` at `at` (0 root, 1 tip) does to what hangs on it: in the plant's frame, from
-    /// rest. A branch that is not there moves nothing.
+    /// The motion from rest, in the plant's frame, of what hangs on the cross-section of branch `k` at `at` (0 root, 1
+    /// tip). A branch that does not exist moves nothing.
     pub fn at(&self, k: usize, at: f64) -> Rigid {
         let (Some(limb), Some(swung)) = (self.limbs.0.get(k), self.swung.get(k)) else { return Rigid::STILL };
         if swung.marks.is_empty() {
@@ -250,12 +253,12 @@ impl Pose<'_> {
         swung.base.after(&own)
     }
 
-    /// Where the tip of branch `k` is.
+    /// The place of the tip of branch `k`.
     pub fn tip(&self, k: usize) -> DVec3 {
         self.point(k, 1.0)
     }
 
-    /// Where the axis of branch `k` is at `at`.
+    /// The place of the axis of branch `k` at `at`.
     pub fn point(&self, k: usize, at: f64) -> DVec3 {
         let Some(limb) = self.limbs.0.get(k) else { return DVec3::ZERO };
         let piece = limb.pieces.partition_point(|p| p.0 <= at).saturating_sub(1);
@@ -263,7 +266,8 @@ impl Pose<'_> {
         self.at(k, at).place(rest)
     }
 
-    /// Shares at which a posed axis has points: those of the axis at rest, `wanted`, and as many as the bend asks for.
+    /// The shares at which a posed axis has points: those of the axis at rest, those of `wanted`, and as many more as
+    /// the bend needs.
     fn shares(&self, k: usize, axis: &[DVec3], wanted: impl Iterator<Item = f64>) -> Vec<f64> {
         let (limb, swung) = (&self.limbs.0[k], &self.swung[k]);
         let mut known: Vec<f64> = limb.pieces.iter().map(|p| p.0).chain(wanted).chain([1.0]).collect();
@@ -291,7 +295,7 @@ impl Pose<'_> {
         out
     }
 
-    /// The plant as it stands at this time, `rest` being the one whose limbs these are.
+    /// The plant as it stands at this time. `rest` is the plant at rest, whose limbs these are.
     pub fn plant(&self, rest: &Plant) -> Plant {
         let mut out = rest.clone();
         let mut grown: Vec<Vec<f64>> = vec![Vec::new(); rest.branches.len()];
@@ -301,7 +305,7 @@ impl Pose<'_> {
         for (k, (branch, wanted)) in out.branches.iter_mut().zip(grown).enumerate() {
             let base = self.swung[k].base;
             if !self.swung[k].marks.is_empty() {
-                // Everything of a branch is in its own frame, which moves with its base.
+                // A branch's axis and wood are in its own frame, which moves with its base.
                 let (own, frame) = (Rigid { ..base }, branch.frame());
                 let local = own.carry(frame).inverse();
                 let axis = std::mem::take(&mut branch.axis);

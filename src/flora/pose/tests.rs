@@ -4,7 +4,8 @@ use crate::grow::{grow, spec::Spec};
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// The exact shape of an even beam; for others one with all four numbers, which need not be a beam's here.
+/// The exact shape of an even beam. For other tapers, a shape with all four numbers, which need not be a real beam's
+/// here.
 fn shape(alpha: f64) -> Shape<f64> {
     if alpha == 1.0 {
         return Shape::new(1.0, [1.0 / PI, -2.0 / (3.0 * PI), 1.0 / (6.0 * PI), 0.0]);
@@ -17,7 +18,7 @@ fn sapling() -> Plant {
     grow(&Spec::read(&path).unwrap(), None)
 }
 
-/// Amplitudes whose tips go by `tip` of the length, each branch another way.
+/// Amplitudes that move tips by `tip` of the length, each branch in another direction.
 fn amplitudes(limbs: &Limbs, tip: f64) -> Vec<[f64; 2]> {
     let way = |k: usize| (0.7 + 1.3 * k as f64).sin_cos();
     limbs.0.iter().enumerate().map(|(k, l)| [way(k).0, way(k).1].map(|c| c * tip / l.shape.tip())).collect()
@@ -32,7 +33,7 @@ fn without_a_bend_no_number_changes() {
     assert_eq!(limbs.pose(|_| [f64::INFINITY; 2]).plant(&plant), plant);
 }
 
-/// The turn of a bent beam over its own arc, from its graph in many small steps.
+/// The turn of a bent beam over its own arc, from the beam's graph in many small steps.
 fn turns(limb: &Limb, size: f64) -> Vec<(f64, f64)> {
     let s = &limb.shape;
     let place = |y: f64| if s.alpha == 1.0 { y } else { (s.alpha.powf(y) - 1.0) / (s.alpha - 1.0) };
@@ -49,7 +50,7 @@ fn turns(limb: &Limb, size: f64) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// A branch as a chain of many small rigid pieces: where the place at `at` goes in its own bend, and how it is turned.
+/// A branch as a chain of many small rigid pieces: the place at `at` after its own bend, and the rotation there.
 fn chain(branch: &Branch, limb: &Limb, amplitude: [f64; 2], at: f64) -> (DVec3, DMat3) {
     let size = amplitude[0].hypot(amplitude[1]);
     let [t, r, s] = limb.axes;
@@ -74,7 +75,7 @@ fn chain(branch: &Branch, limb: &Limb, amplitude: [f64; 2], at: f64) -> (DVec3, 
     (place, turn(at))
 }
 
-/// Every branch of the sapling against chains of small pieces, child on parent by plain matrices.
+/// Every branch of the sapling agrees with a chain of small pieces, where plain matrices place a child on its parent.
 #[test]
 fn a_pose_is_that_of_chains_of_small_rigid_pieces() {
     let plant = sapling();
@@ -93,7 +94,7 @@ fn a_pose_is_that_of_chains_of_small_rigid_pieces() {
             let base = branch.parent.map_or(DMat4::IDENTITY, |j| section(j.branch, j.at, bases[j.branch]));
             bases.push(base);
             let tip = section(k, 1.0, base).transform_point3(branch.point(1.0).0);
-            // A child takes over what its parents' chains are off by.
+            // The error of a chain also contains the errors of its parents' chains.
             worst = worst.max(tip.distance(pose.tip(k)) / plant.branches[0].length());
         }
         println!("tips by {tip}: {worst:.1e} of the trunk's length");
@@ -106,7 +107,7 @@ fn a_pose_is_that_of_chains_of_small_rigid_pieces() {
     }
 }
 
-/// In a storm that takes tips by nine tenths of their length: lengths, and gaps between children and parents.
+/// In a storm that moves tips by nine tenths of their length, lengths are kept, and children stay on their parents.
 #[test]
 fn lengths_are_kept_and_children_stay_where_they_grew() {
     let mut plant = sapling();
@@ -155,7 +156,7 @@ fn a_branch_without_length_and_thin_and_even_tapers_have_a_pose() {
     let posed = limbs.pose(|_| [1.0, 0.5]);
     let (last, on) = (plant.branches.len() - 1, posed.at(0, 0.5));
     assert!(posed.tip(last).distance(on.place(plant.branches[last].root)) < 1e-9);
-    // The chord of a bent trunk goes by what it was asked to, less what keeping the length takes.
+    // The chord of a bent trunk moves as far as requested, less the part that keeping the length takes.
     let [t, r, s] = limbs.0[0].axes;
     let small = limbs.pose(|k| if k == 0 { [1e-3 / limbs.0[0].tip, 0.0] } else { [0.0; 2] });
     let moved = small.tip(0) - plant.branches[0].point(1.0).0;

@@ -1,9 +1,9 @@
 //! Grass: blades in tufts on a square that repeats, grown from a TOML file (format: `data/grass/README.md`). The same
 //! description and seed give the same meadow.
 //!
-//! A blade is a thin sheet along an arc, tapered and folded along its midrib; a trefoil is a stalk with three leaflets.
-//! Each sward has some shapes, of which all its blades are instances. A blade belongs to the square in which its foot
-//! is, and may hang over the edge: the square beside it goes on there.
+//! A blade is a thin sheet along an arc, tapered and folded along its midrib. A trefoil is a stalk with three leaflets.
+//! Each sward has a number of shapes, and all its blades are instances of these. A blade belongs to the square in which
+//! its foot stands, and may hang over the edge into the next square.
 
 #[cfg(test)]
 mod tests;
@@ -21,11 +21,11 @@ use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-/// No square has more blades than this; a larger number is likelier a typing error.
+/// The largest number of blades on a square. A larger number is more likely a typing error than meant.
 const MOST: f64 = 300_000.0;
-/// Share of the width that is left at a point, so that no triangle is without area.
+/// Share of the width that is left at a pointed end, so that no triangle lacks an area.
 const POINT: f64 = 0.02;
-/// Leaflets stand at this angle to the level that is across their stalk.
+/// How far leaflets rise from the plane across their stalk: the slope along the stalk.
 const LEAFLETS_RISE: f64 = 0.25;
 
 /// A meadow's description.
@@ -34,16 +34,16 @@ const LEAFLETS_RISE: f64 = 0.25;
 pub struct Meadow {
     /// Version of the format: 1.
     pub schema: u32,
-    /// What the meadow is called.
+    /// Name of the meadow.
     pub name: String,
     /// Where the figures come from.
     #[serde(default)]
     pub sources: Vec<String>,
-    /// The same seed grows the same meadow.
+    /// The seed. The same seed grows the same meadow.
     pub seed: u64,
-    /// The square (or rectangle) that repeats, along x and y; the origin is its middle.
+    /// Size along x and y of the square (or rectangle) that repeats. Its middle is the origin.
     pub size_mm: [f64; 2],
-    /// What grows on it.
+    /// The species that grow on it.
     #[serde(rename = "sward")]
     pub swards: Vec<Sward>,
 }
@@ -57,45 +57,45 @@ pub struct Sward {
     /// Botanical name.
     #[serde(default)]
     pub species: String,
-    /// Blades (or trefoils) on a square metre.
+    /// Number of blades (or trefoils) on a square metre.
     pub per_m2: f64,
-    /// Of a blade from its foot to its tip along the arc; of a trefoil's stalk.
+    /// Length of a blade along its arc from foot to tip, or of a trefoil's stalk.
     pub length_mm: f64,
-    /// How far single ones stray in size: a share.
+    /// Largest relative deviation of single blades from the mean size.
     #[serde(default)]
     pub size_spread: f64,
-    /// Of a blade at its widest; of a trefoil's stalk.
+    /// Width of a blade at its widest place, or of a trefoil's stalk.
     pub width_mm: f64,
-    /// Share of the blade's length, and share of its width there.
+    /// Points of the outline: a share of the blade's length, and the share of the full width there.
     #[serde(default)]
     pub profile: Vec<[f64; 2]>,
-    /// Between the vertical and the blade at its foot.
+    /// Angle between the vertical and the blade at its foot.
     #[serde(default)]
     pub lean_deg: f64,
-    /// How far single ones stray from it.
+    /// Largest deviation of single blades from that angle.
     #[serde(default)]
     pub lean_spread_deg: f64,
     /// How far the blade turns outwards and down from its foot to its tip.
     #[serde(default)]
     pub bend_deg: f64,
-    /// How far single shapes stray from it.
+    /// Largest deviation of single shapes from that angle.
     #[serde(default)]
     pub bend_spread_deg: f64,
-    /// How far each half rises from flat.
+    /// Angle by which each half of the blade rises from flat.
     #[serde(default)]
     pub fold_deg: f64,
-    /// How far the feet of a tuft are from its middle: standard deviation.
+    /// Standard deviation of the distance of a tuft's feet from its middle.
     #[serde(default)]
     pub tuft_mm: f64,
-    /// Blades of one tuft; they lean away from its middle.
+    /// Number of blades in a tuft. They lean away from its middle.
     #[serde(default = "one")]
     pub blades_a_tuft: usize,
     /// Length and width of a trefoil's leaflets; a blade has none.
     pub leaflet_mm: Option<[f64; 2]>,
-    /// Shapes that blades are instances of.
+    /// Number of different shapes that blades are instances of.
     #[serde(default = "shapes")]
     pub shapes: usize,
-    /// Pieces along a blade.
+    /// Number of pieces along a blade.
     #[serde(default = "segments")]
     pub segments: usize,
 }
@@ -164,7 +164,7 @@ impl Meadow {
                 format!("1 to {MOST}"),
             ));
         }
-        // Shapes are kept once each, and scenes have them all where they stand.
+        // A mesh holds each shape once, but a scene holds all blades where they stand.
         let triangles = |s: &Sward| (self.blades(s) + s.shapes as f64) * s.triangles() as f64;
         let triangles: f64 = self.swards.iter().map(triangles).sum();
         if triangles > MOST_TRIANGLES as f64 {
@@ -174,13 +174,13 @@ impl Meadow {
         Ok(())
     }
 
-    /// Blades of a sward on the square.
+    /// Number of blades of a sward on the square.
     fn blades(&self, sward: &Sward) -> f64 {
         (sward.per_m2 * self.size_mm[0] * self.size_mm[1] * 1e-6).round()
     }
 
-    /// Grows it; `seed` stands for the description's own where it is given. The plant has one branch without wood, the
-    /// ground that all blades stand on.
+    /// Grows the meadow. A `seed` replaces that of the description. The plant has one branch without wood: the ground
+    /// on which all blades stand.
     pub fn grow(&self, seed: Option<u64>) -> Plant {
         let mut chance = Chance(Pcg64::seed_from_u64(seed.unwrap_or(self.seed)));
         let mut plant =
@@ -197,9 +197,10 @@ impl Meadow {
                     tuft = DVec2::new(chance.stray(), chance.stray()) * 0.5 * DVec2::from(self.size_mm);
                 }
                 let away = DVec2::new(chance.normal(), chance.normal()) * sward.tuft_mm;
-                // Away from the tuft's middle, and somewhat astray; alone, anywhere.
+                // Blades lean away from the middle of their tuft, with some deviation. Blades that stand alone lean
+                // anywhere.
                 let stray = if sward.blades_a_tuft > 1 { 0.3 } else { 1.0 };
-                // Where all feet are at one place, blades lean all ways.
+                // Where all feet of a tuft are at one place, its blades lean in all directions.
                 let out = if sward.tuft_mm > 0.0 { away.to_angle() } else { PI * chance.stray() };
                 let azimuth = out + stray * PI * chance.stray();
                 let foot = wrapped(tuft + away, self.size_mm);
@@ -223,7 +224,7 @@ impl Meadow {
     }
 }
 
-/// What blades stand on: a branch without length, which no wind moves, and without wood.
+/// The branch that blades stand on. It has no length, so no wind moves it, and no wood.
 fn ground() -> Branch {
     Branch {
         name: "ground".into(),
@@ -240,20 +241,20 @@ fn ground() -> Branch {
     }
 }
 
-/// The same place of the square around the origin.
+/// The corresponding place within the square around the origin.
 fn wrapped(place: DVec2, size: [f64; 2]) -> DVec2 {
     let size = DVec2::from(size);
     place - size * (place / size + 0.5).floor()
 }
 
 impl Sward {
-    /// Triangles of one blade.
+    /// Number of triangles of one blade.
     fn triangles(&self) -> usize {
         4 * self.segments + if self.leaflet_mm.is_some() { 3 * 2 * (LEAFLET.len() - 1) } else { 0 }
     }
 
-    /// A shape that turns by `bend` (radians) over its length: its foot at −½ length on x, where it sets out along +x
-    /// with its upper side to +z.
+    /// A shape that turns by `bend` (radians) over its length. Its foot is at −½ length on x, where it points to +x and
+    /// its upper side to +z.
     fn shape(&self, bend: f64) -> LeafMesh {
         let (length, fold) = (self.length_mm, self.fold_deg.to_radians());
         let width = |s: f64| if self.profile.is_empty() { 1.0 } else { spec::at(&self.profile, s) };
@@ -292,7 +293,7 @@ impl Sward {
 /// Place, direction and upper side at a share `s` of an arc that turns by `bend` from +x towards −z.
 fn arc(length: f64, bend: f64, s: f64) -> (DVec3, DVec3, DVec3) {
     let angle = bend * s;
-    // ∫ cos and ∫ sin of the angle so far, over the way: by half angles, which stay right at bend 0.
+    // ∫ cos and ∫ sin of the angle along the arc. The form with half angles also holds at bend 0.
     let half = 0.5 * angle;
     let chord = s * length * if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
     let place = DVec3::new(chord * half.cos() - 0.5 * length, 0.0, -chord * half.sin());
@@ -300,10 +301,10 @@ fn arc(length: f64, bend: f64, s: f64) -> (DVec3, DVec3, DVec3) {
     (place, along, DVec3::new(angle.sin(), 0.0, angle.cos()))
 }
 
-/// Share of a leaflet's length, and share of its width there.
+/// Points of a leaflet's outline: a share of its length, and the share of its width there.
 const LEAFLET: [[f64; 2]; 5] = [[0.0, POINT], [0.3, 0.6], [0.65, 1.0], [0.9, 0.8], [1.0, 0.3]];
 
-/// A flat leaflet of inverted egg shape from its foot along `forth`.
+/// Adds a flat leaflet in the shape of an inverted egg, from its foot along `forth`.
 fn add_leaflet(mesh: &mut LeafMesh, foot: DVec3, forth: DVec3, across: DVec3, [length, width]: [f64; 2]) {
     let first = mesh.positions.len() as u32;
     for [s, share] in LEAFLET {

@@ -14,7 +14,7 @@ fn area(mesh: &LeafMesh) -> f64 {
     (0..mesh.triangles()).map(corners).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum()
 }
 
-/// The area of all blades is what counts, lengths and widths say, worked out without a mesh.
+/// The area of all blades is the one that numbers, lengths and widths of the description give without a mesh.
 #[test]
 fn a_meadow_has_the_leaf_area_of_its_description() {
     let presets = presets();
@@ -36,19 +36,19 @@ fn a_meadow_has_the_leaf_area_of_its_description() {
                 })
                 .sum::<f64>()
                 / f64::from(steps);
-            // An inverted egg shape by the trapezoids of its outline.
+            // The area of an inverted egg shape by the trapezoids of its outline.
             let leaflets = sward
                 .leaflet_mm
                 .map_or(0.0, |[l, w]| 3.0 * l * w * (0.3 * 0.31 + 0.35 * 0.8 + 0.25 * 0.9 + 0.1 * 0.55));
             let one = sward.length_mm * sward.width_mm * mean_width + leaflets;
-            // The mean of (1 + s·u)² over u from −1 to 1.
+            // ⟨(1 + s·u)²⟩ for u evenly from −1 to 1, where s is the spread of sizes.
             let expected = sward.per_m2 * square_m2 * one * (1.0 + sward.size_spread.powi(2) / 3.0);
             let found = area(&plant.blades_of(&sward.material));
             assert!((found / expected - 1.0).abs() < 0.04, "{}: {found} {expected}", path.display());
         }
         let sides = DVec2::from(meadow.size_mm) / 2.0;
         for leaf in &plant.leaves {
-            // The midrib's first point; trefoils and blades alike begin there.
+            // The midrib's first point is the foot, for trefoils and blades alike.
             let foot = leaf.transform.transform_point3(plant.blades[leaf.blade].mesh.positions[1]);
             assert!(foot.z.abs() < 1e-9 && foot.truncate().abs().cmple(sides + 1e-9).all(), "{foot}");
             let up = leaf.transform.transform_vector3(DVec3::Z);
@@ -61,7 +61,7 @@ fn a_meadow_has_the_leaf_area_of_its_description() {
 fn arcs_have_their_length_and_turn() {
     for bend in [0.0, 1e-9, 0.3, 1.5, PI] {
         let steps = 20_000;
-        // Step by step along the direction.
+        // The arc is followed in small steps along its direction.
         let mut place = DVec3::new(-25.0, 0.0, 0.0);
         for k in 0..steps {
             let a = bend * (f64::from(k) + 0.5) / f64::from(steps);
@@ -73,7 +73,7 @@ fn arcs_have_their_length_and_turn() {
     }
 }
 
-/// A tuft whose feet are all at one place leans all ways.
+/// A tuft whose feet are all at one place leans in all directions.
 #[test]
 fn blades_of_a_tuft_at_one_place_lean_all_ways() {
     let dir = tempfile::tempdir().unwrap();
@@ -82,18 +82,18 @@ fn blades_of_a_tuft_at_one_place_lean_all_ways() {
          blades_a_tuft = 8\n[[sward]]\nmaterial = \"moss\"\nper_m2 = 0\nlength_mm = 50\nwidth_mm = 2\n";
     std::fs::write(&path, format!("schema = 1\nname = \"m\"\nseed = 1\nsize_mm = [1000, 1000]\n{sward}")).unwrap();
     let plant = crate::grow::described(&path, None).unwrap();
-    // What does not grow has no shapes.
+    // A sward without blades has no shapes.
     assert!(plant.leaves.len() == 400 && plant.blades.iter().all(|b| b.material == "grass"));
     let mut octants = [0; 8];
     for leaf in &plant.leaves {
         let out = leaf.transform.x_axis.truncate().truncate();
         octants[((out.to_angle() + PI) / TAU * 8.0).min(7.0) as usize] += 1;
     }
-    // 50 each, within four standard deviations of a count.
+    // 50 are expected in each octant; the limits are four standard deviations of a count.
     assert!(octants.iter().all(|n| (22..=78).contains(n)), "{octants:?}");
 }
 
-/// What is written is a plant like any other, and comes back.
+/// A meadow that is written and read back is the same plant.
 #[test]
 fn a_meadow_goes_through_a_file() {
     let dir = tempfile::tempdir().unwrap();
