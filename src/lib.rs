@@ -50,10 +50,11 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 11  main
-//! 10  cli           python
-//! 9   report        check
-//! 8   proof         scene       export
+//! 12  main
+//! 11  cli           python
+//! 10  report        check
+//! 9   scene
+//! 8   proof         placed      export
 //! 7   manifest
 //! 6   fit           fit_branch  fit_grass  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf
@@ -79,6 +80,7 @@ pub use mesophyll_flora as flora;
 pub use mesophyll_leaf as leaf;
 pub use mesophyll_manifest as manifest;
 pub use mesophyll_optics as optics;
+pub use mesophyll_placed as placed;
 pub use mesophyll_plant as plant;
 pub use mesophyll_proof as proof;
 pub use mesophyll_quadrature as quadrature;

@@ -13,8 +13,8 @@ use mesophyll_leaf::frames;
 use mesophyll_leaf::{BLADE, File, LeafFit, pack};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
-use mesophyll_scene::fits::reads;
-use mesophyll_scene::ledger::Ledger;
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::loaded::Leaf;
 use rayon::prelude::*;
 

@@ -8,12 +8,12 @@ use mesophyll_leaf::{File, fill};
 use mesophyll_manifest::{Interior, Manifest, ViewKind};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::leaf::Search;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::draw::reference;
-use mesophyll_scene::fits::reads;
-use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::{Leaf, Scene};
-use mesophyll_scene::placed::leaf::Search;
 use mesophyll_transport::{self as transport, compare as measure};
 use std::path::Path;
 

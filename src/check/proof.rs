@@ -6,11 +6,11 @@ use crate::{day, golden};
 use mesophyll_error::Result;
 use mesophyll_files::{image, progress};
 use mesophyll_manifest::{Manifest, View, ViewKind};
+use mesophyll_placed::branch;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::card::Card;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::placed::branch;
 use mesophyll_viewer as gpu;
 
 /// The name that the hours of a day have among the golden pictures.

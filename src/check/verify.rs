@@ -4,9 +4,9 @@
 use crate::consistency;
 use mesophyll_error::Result;
 use mesophyll_leaf::LeafFit;
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::FitRecord;
-use mesophyll_scene::fits::reads;
-use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
 use std::collections::BTreeSet;
 use std::path::PathBuf;

@@ -40,8 +40,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
     use mesophyll_manifest::Manifest;
-    use mesophyll_scene::placed::{Placed, leaf::Search};
-    use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene};
+    use mesophyll_placed::{Placed, leaf::Search};
+    use mesophyll_placed::{fits::missing, ledger::Ledger};
+    use mesophyll_scene::loaded::Scene;
 
     let mut manifest = Manifest::read(&args.scene)?;
     manifest.require_limits()?;
@@ -97,7 +98,7 @@ pub(super) fn judged(
     scene: &mesophyll_scene::loaded::Scene,
     options: &mesophyll_check::Options,
     compare: Option<Option<&std::path::Path>>,
-    ledger: &mesophyll_scene::ledger::Ledger,
+    ledger: &mesophyll_placed::ledger::Ledger,
 ) -> Result<(bool, String, serde_json::Value)> {
     use mesophyll_check::{check, interiors};
 

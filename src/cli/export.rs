@@ -8,8 +8,8 @@ use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Format, export};
 use mesophyll_files::{claim, progress};
 use mesophyll_manifest::Manifest;
-use mesophyll_scene::ledger::Ledger;
-use mesophyll_scene::placed::{self, branch};
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::{self as placed, branch};
 use std::path::{Path, PathBuf};
 
 /// Writes a fit, or a scene's plants as they stand in its wind, in a format other programs read.

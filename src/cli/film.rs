@@ -48,8 +48,8 @@ fn size(text: &str) -> std::result::Result<[u32; 2], String> {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_files::{claim, progress};
+    use mesophyll_placed::ledger::Ledger;
     use mesophyll_scene::film::{self, Options};
-    use mesophyll_scene::ledger::Ledger;
 
     let manifest = mesophyll_manifest::Manifest::read(&args.scene)?;
     let mut options = Options {

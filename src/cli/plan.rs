@@ -3,8 +3,9 @@
 use super::Common;
 use crate::Result;
 use mesophyll_manifest::Manifest;
-use mesophyll_scene::fits::missing::input_hash;
-use mesophyll_scene::{ledger::Ledger, loaded::Scene, placed::leaf::Search};
+use mesophyll_placed::fits::missing::input_hash;
+use mesophyll_placed::{leaf::Search, ledger::Ledger};
+use mesophyll_scene::loaded::Scene;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

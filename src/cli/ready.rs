@@ -3,10 +3,10 @@
 use crate::Result;
 use mesophyll_files::progress;
 use mesophyll_manifest::Manifest;
-use mesophyll_scene::fits::missing;
-use mesophyll_scene::ledger::Ledger;
+use mesophyll_placed::fits::missing;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::{Placed, leaf::Search};
 use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::placed::{Placed, leaf::Search};
 use std::path::Path;
 
 /// Reads what a scene needs. Fits that are missing are made first and kept below `out`; Ctrl-C stops between them.

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::named::named;
 use mesophyll_files::claim;
 use mesophyll_manifest::Manifest;
-use mesophyll_scene::ledger::Ledger;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::traced::{self, Drawn, Options};
 use mesophyll_transport::tone::Tone;
 use std::path::PathBuf;

@@ -30,14 +30,8 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
     use mesophyll_manifest::{Manifest, ViewKind};
-    use mesophyll_scene::{
-        draw::handover,
-        fits::missing,
-        ledger::Ledger,
-        loaded::Scene,
-        placed::{Placed, branch, leaf::Search},
-        window::edit::SceneEditor,
-    };
+    use mesophyll_placed::{Placed, branch, fits::missing, leaf::Search, ledger::Ledger};
+    use mesophyll_scene::{draw::handover, loaded::Scene, window::edit::SceneEditor};
     use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
     let manifest = Manifest::read(&args.scene)?;

@@ -5,13 +5,13 @@
 //! they show.
 
 use crate::draw::handover;
-use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::traced::{made_from, views};
 use crate::{Error, Result};
 use mesophyll_files::image::{self, Maps, Packing};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_files::{atomic, hash};
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_viewer as viewer;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

@@ -1,20 +1,17 @@
-//! The plan of what a scene needs, and the hand-over to the renderers. What a scene file says is the room `manifest`,
-//! below this one.
+//! The plan of what a scene needs, and the hand-over to the renderers.
 //!
-//! Folders from the ground up, each of which may use only those before it: [`fits`] are the folders that its leaves
-//! come from, [`placed`] is what stands where and in which light, [`plan`] is what of it is needed, [`loaded`] holds
-//! the maps and curves that the plan asks for, [`draw`] hands them to both renderers; [`traced`], [`film`] and
-//! [`window`] use all of it. Whether the pictures are right is judged in the room `check`, above this one.
+//! Two rooms stand below this one: `manifest` is what a scene file says, and `placed` is what stands where in the
+//! world. The folders here, from the ground up, may each use only those before it: [`plan`] is what of a scene is
+//! needed, [`loaded`] holds the maps and curves that the plan asks for, [`draw`] hands them to both renderers;
+//! [`traced`], [`film`] and [`window`] use all of it. The room `check`, above this one, judges whether the pictures are
+//! right.
 
 #![warn(missing_docs)]
 
 pub mod draw;
 #[cfg(feature = "render")]
 pub mod film;
-pub mod fits;
-pub mod ledger;
 pub mod loaded;
-pub mod placed;
 pub mod plan;
 pub mod traced;
 pub mod transfer;

@@ -2,12 +2,12 @@
 //! file from which a stopped picture goes on.
 
 use crate::draw::reference;
-use crate::ledger::Ledger;
 use crate::loaded::Scene;
-use crate::placed::branch;
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash, image, memory, progress};
 use mesophyll_manifest::{View, ViewKind};
+use mesophyll_placed::branch;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_transport::path::{Paths, Picture, Progress, Request, Target, Tracer};
 use mesophyll_transport::{World, tone};
 use serde::{Deserialize, Serialize};

@@ -3,15 +3,15 @@
 //! A transfer is of the scene at rest. Leaves that sway in the wind keep the light that arrives at them at rest.
 
 use crate::draw::reference;
-use crate::ledger::Ledger;
 use crate::loaded::Scene;
-use crate::placed::branch;
-use crate::placed::daylight::sun_directions;
 use crate::plan::between::unseen;
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::branch;
+use mesophyll_placed::daylight::sun_directions;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::maker::Outcome;
 use mesophyll_transport::transfer::Columns;
 use std::path::{Path, PathBuf};

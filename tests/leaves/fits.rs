@@ -8,8 +8,8 @@
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::manifest::Manifest;
+use mesophyll::placed::{fits::missing, ledger::Ledger};
 use mesophyll::record::FitRecord;
-use mesophyll::scene::{fits::missing, ledger::Ledger};
 use std::path::Path;
 
 /// Share of a standard error that a value may differ by.

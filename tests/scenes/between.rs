@@ -3,9 +3,9 @@
 use crate::blade::Blade;
 use crate::{json, skips};
 use mesophyll::manifest::Manifest;
-use mesophyll::scene::ledger::Ledger;
+use mesophyll::placed::leaf::Search;
+use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::placed::leaf::Search;
 use mesophyll::scene::plan::Plan;
 use std::path::{Path, PathBuf};
 use std::process::Output;

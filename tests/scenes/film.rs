@@ -3,8 +3,9 @@
 use crate::common::skips::{Need, skip};
 use mesophyll::fit_grass;
 use mesophyll::manifest::Manifest;
+use mesophyll::placed::{leaf::Search, ledger::Ledger};
 use mesophyll::scene::draw::handover;
-use mesophyll::scene::{ledger::Ledger, loaded::Scene, placed::leaf::Search};
+use mesophyll::scene::loaded::Scene;
 use mesophyll_viewer::{Options, Renderer};
 use std::path::{Path, PathBuf};
 use std::process::Command;

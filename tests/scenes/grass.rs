@@ -2,9 +2,9 @@
 
 use crate::common;
 use mesophyll::manifest::Manifest;
-use mesophyll::scene::ledger::Ledger;
+use mesophyll::placed::ledger::Ledger;
+use mesophyll::placed::{Placed, leaf::Search};
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::placed::{Placed, leaf::Search};
 use std::path::{Path, PathBuf};
 
 const UNIFORM: &str = "uniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], rho_t = [0.05, 0.1, 0.05] }";

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 use mesophyll::files::image::{Maps, read_exr};
 use mesophyll::flora::form::nearest;
 use mesophyll::manifest::Manifest;
-use mesophyll::scene::ledger::Ledger;
-use mesophyll::scene::placed::plant::planted;
+use mesophyll::placed::ledger::Ledger;
+use mesophyll::placed::plant::planted;
 use std::path::Path;
 
 /// From glTF's metres, y up, to the scene's mm, z up.

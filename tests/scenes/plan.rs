@@ -2,9 +2,9 @@
 
 use crate::blade::{Blade, scene};
 use mesophyll::manifest::Manifest;
-use mesophyll::scene::ledger::Ledger;
+use mesophyll::placed::leaf::Search;
+use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::placed::leaf::Search;
 use mesophyll::scene::plan::Plan;
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! Whole plants in scenes: where they stand, what they are made of, what is refused.
 
 use mesophyll::manifest::Manifest;
-use mesophyll::scene::ledger::Ledger;
-use mesophyll::scene::placed::plant::{Planted, planted};
+use mesophyll::placed::ledger::Ledger;
+use mesophyll::placed::plant::{Planted, planted};
 use std::path::{Path, PathBuf};
 
 const HEAD: &str = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], \
@@ -185,10 +185,10 @@ mod moving {
     use glam::{DVec3, Vec3};
     use mesophyll::flora::form::Plant;
     use mesophyll::manifest::Manifest;
+    use mesophyll::placed::leaf::Search;
+    use mesophyll::placed::ledger::Ledger;
     use mesophyll::scene::draw::{handover, reference};
-    use mesophyll::scene::ledger::Ledger;
     use mesophyll::scene::loaded::Scene;
-    use mesophyll::scene::placed::leaf::Search;
     use mesophyll_viewer::{Error, Options, Renderer};
     use std::path::Path;
 

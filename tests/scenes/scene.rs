@@ -101,9 +101,10 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
 #[test]
 fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::optics::slab;
+    use mesophyll::placed::{leaf::Search, ledger::Ledger};
     use mesophyll::record::FitRecord;
     use mesophyll::scene::loaded::Scene;
-    use mesophyll::scene::{ledger::Ledger, placed::leaf::Search, window::edit::SceneEditor};
+    use mesophyll::scene::window::edit::SceneEditor;
     use mesophyll_viewer::scene::{Interior, Side};
     use mesophyll_window::editor::Editor;
 

@@ -5,10 +5,10 @@ use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
 use mesophyll::manifest::Manifest;
+use mesophyll::placed::ledger::Ledger;
+use mesophyll::placed::{Placed, leaf::Search};
 use mesophyll::record::{FitKind, FitRecord, Section};
-use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::placed::{Placed, leaf::Search};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -320,7 +320,8 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 #[test]
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     use mesophyll::fit_translucency::TissueName;
-    use mesophyll::scene::{draw::reference, fits::source::Status};
+    use mesophyll::placed::fits::source::Status;
+    use mesophyll::scene::draw::reference;
     use mesophyll::transport::Sunlit;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, bump: 0.0, dome: 0.0, ..Blade::default() };
@@ -366,7 +367,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
 #[test]
 fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     use mesophyll::manifest::Basis;
-    use mesophyll::scene::fits::source::Status;
+    use mesophyll::placed::fits::source::Status;
 
     let dir = folder(&Blade::default());
     let maps = dir.path().join("fits/elm-translucency");
@@ -418,7 +419,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     use mesophyll::manifest::Basis;
-    use mesophyll::scene::fits::source::Status;
+    use mesophyll::placed::fits::source::Status;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();

@@ -6,9 +6,10 @@ use mesophyll_files::progress::{self, Bar};
 use mesophyll_files::table::{self, Answer, Spec, Table};
 use mesophyll_files::{atomic, table::BatchIo};
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::fits::missing::input_hash;
+use mesophyll_placed::{leaf::Search, ledger::Ledger};
 use mesophyll_scene::draw::reference;
-use mesophyll_scene::fits::missing::input_hash;
-use mesophyll_scene::{ledger::Ledger, loaded::Scene, placed::leaf::Search};
+use mesophyll_scene::loaded::Scene;
 use mesophyll_transport::path::Canopy;
 use std::path::{Path, PathBuf};
 

@@ -5,10 +5,10 @@ use crate::{Error, Result};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::table::{Output, Sink, push_number, push_text};
 use mesophyll_manifest::Manifest;
-use mesophyll_scene::ledger::Ledger;
-use mesophyll_scene::placed::branch::{self, Bends};
-use mesophyll_scene::placed::plant::{self, Planted};
-use mesophyll_scene::placed::winds::Winds;
+use mesophyll_placed::branch::{self, Bends};
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::plant::{self, Planted};
+use mesophyll_placed::winds::Winds;
 use rayon::prelude::*;
 use std::path::PathBuf;
 

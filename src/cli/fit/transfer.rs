@@ -3,10 +3,11 @@
 use crate::Result;
 use crate::{Common, place};
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::fits::missing::input_hash;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::{Placed, leaf::Search};
 use mesophyll_record::FitRecord;
-use mesophyll_scene::fits::missing::input_hash;
-use mesophyll_scene::placed::{Placed, leaf::Search};
-use mesophyll_scene::{ledger::Ledger, loaded::Scene, transfer};
+use mesophyll_scene::{loaded::Scene, transfer};
 use std::path::PathBuf;
 
 /// How the light that arrives at the leaves of a scene depends on the light around it: past other leaves, and by way of

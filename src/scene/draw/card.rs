@@ -2,10 +2,7 @@
 //! that both renderers can be judged by something that neither of them computed.
 
 use super::reference;
-use crate::fits::reads;
-use crate::ledger::Ledger;
 use crate::loaded::Scene;
-use crate::placed::placement;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -15,6 +12,9 @@ use mesophyll_manifest::{Manifest, View};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_optics::slab::chebyshev::Chebyshev;
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::placement;
 use mesophyll_transport::{self as transport, closed_form};
 use rayon::prelude::*;
 use std::sync::Arc;

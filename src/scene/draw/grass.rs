@@ -1,12 +1,12 @@
 //! Lawns on their way to both renderers: blades to the path tracer, slices to the one in real time.
 
 use super::reference::{black, mesh};
-use crate::placed::grass::Grass;
 use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_grass::optics::Optics;
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::grass::Grass;
 use mesophyll_transport::{self as transport, lobe};
 use rayon::prelude::*;
 #[cfg(feature = "render")]
@@ -94,14 +94,14 @@ fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
 
 #[cfg(feature = "render")]
 mod slices {
-    use crate::placed::daylight::sun_direction;
-    use crate::placed::grass::Grass;
-    use crate::placed::leaning::Leaning;
     use glam::{DVec2, DVec3, Vec2, Vec3};
     use mesophyll_fit_grass::march::Slices;
     use mesophyll_fit_grass::sheet::{self, Sheet};
     use mesophyll_fit_grass::through;
     use mesophyll_manifest::{Manifest, ViewKind};
+    use mesophyll_placed::daylight::sun_direction;
+    use mesophyll_placed::grass::Grass;
+    use mesophyll_placed::leaning::Leaning;
     use mesophyll_transport::Camera;
     use mesophyll_viewer::scene as viewer;
     use std::f64::consts::FRAC_PI_2;

@@ -6,18 +6,18 @@ use super::card::Card;
 use super::leaf_maps::{self, slab_curve};
 use super::sections::{Barks, plants};
 use super::{between, detail, grass};
-use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::loaded::curve::curve;
-use crate::placed::Placed;
-use crate::placed::daylight::{self, Daylight, sun_direction};
-use crate::placed::placement::{Placement, Ride};
-use crate::placed::plant::Wood;
 use crate::{Error, Result};
 use glam::{DMat4, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::{Manifest, View, ViewKind};
 use mesophyll_optics::side::Side;
+use mesophyll_placed::Placed;
+use mesophyll_placed::daylight::{self, Daylight, sun_direction};
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::placement::{Placement, Ride};
+use mesophyll_placed::plant::Wood;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
 
@@ -139,7 +139,7 @@ fn below_all(placed: &Placed) -> bool {
 
 /// A wind that sways no branch.
 pub fn still_branches(manifest: &Manifest) -> viewer::Wind {
-    viewer::Wind { size: 0, motion: Vec::new(), time_s: crate::placed::branch::rest_time(manifest) }
+    viewer::Wind { size: 0, motion: Vec::new(), time_s: mesophyll_placed::branch::rest_time(manifest) }
 }
 
 /// What bends branches and what rides on them, where anything does.
@@ -171,7 +171,7 @@ fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
     out.wind = bends.motion.as_ref().map(|m| viewer::Wind {
         size: m.size as u32,
         motion: m.values.clone(),
-        time_s: crate::placed::branch::rest_time(manifest),
+        time_s: mesophyll_placed::branch::rest_time(manifest),
     });
 }
 

@@ -1,8 +1,6 @@
 //! A leaf's maps on their way to the GPU renderer: W's packed textures, tangent-space normals and a slab curve a side,
 //! or pigment maps, solved a texel. A side that no camera sees light from is handed over black, without maps.
 
-use crate::fits::reads;
-use crate::ledger::Ledger;
 use crate::loaded::Leaf;
 use crate::loaded::curve::Curve;
 use crate::loaded::map_levels::halve;
@@ -13,6 +11,8 @@ use mesophyll_leaf::{File, fill};
 use mesophyll_manifest::{Interior, Manifest};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
 

@@ -5,11 +5,7 @@
 
 use super::sunlit::{relight, relight_everywhere};
 use super::{grass, soil};
-use crate::fits::reads;
-use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
-use crate::placed::Placed;
-use crate::placed::daylight::{Daylight, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
@@ -19,6 +15,10 @@ use mesophyll_manifest::{Interior, Manifest, View};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_optics::slab::chebyshev::Chebyshev;
+use mesophyll_placed::Placed;
+use mesophyll_placed::daylight::{Daylight, sun_direction};
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_transport::{self as transport, lobe, world};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -30,7 +30,7 @@ use std::sync::Arc;
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     let mut out = standing(scene, ledger)?;
-    stand_at(&mut out, scene, crate::placed::branch::rest_time(&scene.manifest));
+    stand_at(&mut out, scene, mesophyll_placed::branch::rest_time(&scene.manifest));
     relight(&mut out, scene, &scene.placed.eyes)?;
     Ok(out)
 }

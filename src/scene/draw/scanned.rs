@@ -6,7 +6,6 @@
 //! its own, as in every other view.
 
 use super::{handover, leaf_maps, reference};
-use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, Vec3};
@@ -18,6 +17,7 @@ use mesophyll_fit::leaf::held_out::KeptFrame;
 use mesophyll_leaf::{File, LeafFit, fill, pack};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::chebyshev::Chebyshev;
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::scan::Scan;
 use mesophyll_transport as transport;
 use mesophyll_viewer::scene as viewer;

@@ -1,11 +1,11 @@
 //! Plants in the wind, handed over to the GPU renderer: the sections that carry leaves and bark, for each time.
 
 use super::handover::still_branches;
-use crate::placed::Placed;
-use crate::placed::sections::Bark;
 use glam::DQuat;
 use mesophyll_flora::pose::Rigid;
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::Placed;
+use mesophyll_placed::sections::Bark;
 use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
 use std::sync::Arc;

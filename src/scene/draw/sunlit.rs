@@ -3,10 +3,10 @@
 
 use crate::Result;
 use crate::loaded::{Leaf, Scene};
-use crate::placed::facing::Facing;
-use crate::placed::placement::Placement;
 use glam::{DMat3, DVec3};
 use mesophyll_optics::side::Side;
+use mesophyll_placed::facing::Facing;
+use mesophyll_placed::placement::Placement;
 use mesophyll_transport::{Sunlit, Through, World};
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! ρd and ρt of a slab against its thickness, as fine as was asked.
 
-use crate::ledger::Ledger;
 use crate::plan::accuracy::Row;
 use mesophyll_optics::slab;
+use mesophyll_placed::ledger::Ledger;
 use std::time::Instant;
 
 /// ρd and ρt of the slab against thickness, on a uniform grid.

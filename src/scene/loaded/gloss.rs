@@ -4,13 +4,13 @@
 use super::gloss_bound::{self, Lights, Maps};
 use super::{Leaf, Stand};
 use crate::Result;
-use crate::fits::reads;
-use crate::placed::branch;
-use crate::placed::daylight::{self, Daylight};
 use glam::{DMat4, DVec3};
 use mesophyll_leaf::LeafFit;
 use mesophyll_manifest::{Manifest, ViewKind};
 use mesophyll_optics::side::Side;
+use mesophyll_placed::branch;
+use mesophyll_placed::daylight::{self, Daylight};
+use mesophyll_placed::fits::reads;
 use std::f64::consts::TAU;
 
 /// What gloss adds to a displayed value at most; infinite where a camera, a sun or a slider may take it anywhere.

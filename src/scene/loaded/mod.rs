@@ -12,13 +12,13 @@ pub mod map_levels;
 pub mod translucency;
 
 use crate::Result;
-use crate::ledger::Ledger;
-use crate::placed::leaf::Search;
-use crate::placed::{self, Placed};
 use crate::plan::{LeafPlan, Plan};
 use convolved::Inside;
 use curve::Curve;
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::leaf::Search;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::{self as placed, Placed};
 use std::sync::OnceLock;
 use translucency::Coefficients;
 

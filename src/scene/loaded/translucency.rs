@@ -7,10 +7,6 @@
 
 use super::map_levels::map_levels;
 use super::{Leaf, Loaded, Stand};
-use crate::fits::reads;
-use crate::ledger::Ledger;
-use crate::placed::daylight::{levels, sun_direction};
-use crate::placed::{self, branch};
 use crate::plan::Plan;
 use crate::plan::leaf::{TRANSLUCENCY_TEXEL_BYTES, WithoutMaps};
 use crate::{Error, Result};
@@ -20,6 +16,10 @@ use mesophyll_leaf::frames;
 use mesophyll_leaf::{File, LeafFit, fill};
 use mesophyll_manifest::{Basis, ViewKind};
 use mesophyll_optics::side::Side;
+use mesophyll_placed::daylight::{levels, sun_direction};
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::{self as placed, branch};
 use mesophyll_translucency::basis;
 use mesophyll_translucency::basis::Basis as Functions;
 use mesophyll_transport::tone::display;

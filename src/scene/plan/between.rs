@@ -2,13 +2,13 @@
 
 use super::{Between, LeftOut, Need, Plan};
 use crate::Result;
-use crate::placed::Placed;
-use crate::placed::daylight::sun_directions;
-use crate::placed::placement::Placement;
 use crate::transfer::{GLOSS_BANDS, folder};
 use glam::DVec3;
 use mesophyll_fit_transfer::BYTES_AN_ENTRY;
 use mesophyll_manifest::{Manifest, Shadows, Transfer, ViewKind};
+use mesophyll_placed::Placed;
+use mesophyll_placed::daylight::sun_directions;
+use mesophyll_placed::placement::Placement;
 
 /// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005, §4).
 const BANDS: usize = 5;

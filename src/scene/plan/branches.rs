@@ -2,11 +2,11 @@
 //! moves.
 
 use super::{LeftOut, Need, Plan};
-use crate::ledger::Ledger;
-use crate::placed::Placed;
-use crate::placed::branch::{self, MOTION_SIDE};
 use mesophyll_fit_branch::beam::basis;
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::Placed;
+use mesophyll_placed::branch::{self, MOTION_SIDE};
+use mesophyll_placed::ledger::Ledger;
 use mesophyll_plant::taper::TERMS;
 
 /// Lists what branches and wind ask for, or why they ask for nothing.
@@ -86,7 +86,7 @@ fn plants(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     };
     let why = "plants sway: posed in double precision for each picture's time, carried by sections in the vertex stage";
     let mut need = Need::new("plants in the wind", why);
-    let textures = winds.motions.len() + crate::placed::flutter::TEXTURES * winds.gusts.len();
+    let textures = winds.motions.len() + mesophyll_placed::flutter::TEXTURES * winds.gusts.len();
     need.amount =
         Some(format!("{} sections, {textures} motion textures of {MOTION_SIDE}x{MOTION_SIDE}", winds.section_count()));
     need.bytes = Some((48 * winds.section_count() + textures * MOTION_SIDE * MOTION_SIDE * 8) as u64);

@@ -2,10 +2,10 @@
 
 use super::{LeftOut, Need, Plan};
 use crate::Result;
-use crate::fits::source::Status;
-use crate::placed::Placed;
 use mesophyll_fit_grass::bytes;
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::Placed;
+use mesophyll_placed::fits::source::Status;
 
 /// Lists every lawn, and what it does without.
 ///

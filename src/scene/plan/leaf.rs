@@ -6,11 +6,11 @@
 use super::accuracy::Row;
 use super::{LeafPlan, LeftOut, Need, Plan, SideNeeds};
 use crate::Result;
-use crate::fits::reads::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
-use crate::placed::leaf::Leaf;
 use mesophyll_leaf::{BLADE, File, LeafFit};
 use mesophyll_manifest::{Interior, Manifest};
 use mesophyll_optics::side::Side;
+use mesophyll_placed::fits::reads::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
+use mesophyll_placed::leaf::Leaf;
 use mesophyll_record::Times;
 
 /// Bytes of a texel on the adapter: four floats.

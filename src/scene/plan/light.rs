@@ -4,11 +4,11 @@ use super::accuracy::{self, Row};
 use super::between::sun_visibility;
 use super::{LeftOut, Need, Plan};
 use crate::Result;
-use crate::placed::Placed;
-use crate::placed::daylight::{Daylight, levels, sun_direction};
-use crate::placed::facing;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::{Manifest, ViewKind};
+use mesophyll_placed::Placed;
+use mesophyll_placed::daylight::{Daylight, levels, sun_direction};
+use mesophyll_placed::facing;
 use mesophyll_transport::tone::display;
 use std::time::Instant;
 

@@ -15,11 +15,11 @@ mod light;
 mod warnings;
 
 use crate::Result;
-use crate::fits::source::Status;
-use crate::ledger::Ledger;
-use crate::placed::Placed;
 use accuracy::Row;
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::Placed;
+use mesophyll_placed::fits::source::Status;
+use mesophyll_placed::ledger::Ledger;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

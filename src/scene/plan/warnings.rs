@@ -2,9 +2,9 @@
 //! shows.
 
 use crate::Result;
-use crate::placed::{Placed, branch, leaf::Leaf, placement::Placement};
 use glam::DVec3;
 use mesophyll_manifest::{Manifest, View, ViewKind};
+use mesophyll_placed::{Placed, branch, leaf::Leaf, placement::Placement};
 
 /// A mesh this many times larger or smaller than the blade that was scanned is taken for one in another unit.
 const STRANGE: f64 = 50.0;

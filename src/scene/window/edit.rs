@@ -6,13 +6,8 @@ use crate::draw::reference;
 use crate::draw::sunlit::relight_where;
 use crate::draw::truth::{Sampling, Truth};
 use crate::draw::{handover, leaf_maps};
-use crate::fits::reads;
-use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
 use crate::loaded::{Leaf, Scene};
-use crate::placed::branch;
-use crate::placed::daylight::{self, Daylight};
-use crate::placed::placement::{OnBranch, Placement, Ride};
 use glam::DVec3;
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
@@ -21,6 +16,11 @@ use mesophyll_leaf::LeafFit;
 use mesophyll_leaf::edit::{self, Edit};
 use mesophyll_manifest::{Interior, View, ViewKind};
 use mesophyll_optics::side::{Side, Sides};
+use mesophyll_placed::branch;
+use mesophyll_placed::daylight::{self, Daylight};
+use mesophyll_placed::fits::reads;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::placement::{OnBranch, Placement, Ride};
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
@@ -44,7 +44,7 @@ pub struct SceneEditor {
 }
 
 impl SceneEditor {
-    /// `scene` must be one for a window ([`crate::placed::leaf::Search::free`]), with every leaf fitted.
+    /// `scene` must be one for a window ([`mesophyll_placed::leaf::Search::free`]), with every leaf fitted.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a map that cannot be read.

@@ -1,12 +1,19 @@
-//! What stands where in the world, what lights it, and who sees which side of it.
+//! What stands where in the world, what lights it, and who sees which side of it. What a scene file says is the room
+//! `manifest`, below this one; the room `scene`, above it, decides what of all this is needed.
+//!
+//! [`fits`] are the folders that a scene's leaves come from, and [`ledger`] keeps a list of what was done for it.
+
+#![warn(missing_docs)]
 
 pub mod branch;
 pub mod daylight;
 pub mod facing;
+pub mod fits;
 pub mod flutter;
 pub mod grass;
 pub mod leaf;
 pub mod leaning;
+pub mod ledger;
 pub mod moves;
 pub mod placement;
 pub mod plant;
@@ -16,7 +23,8 @@ pub mod sways;
 pub mod tree;
 pub mod winds;
 
-use crate::Result;
+pub(crate) use mesophyll_error::{Error, Result};
+
 use crate::fits::missing;
 use crate::fits::source::Status;
 use crate::fits::translucency::Translucent;
