@@ -1,5 +1,5 @@
-//! The bend of `passes/bend.wgsl` on the CPU, in single precision: what the shadow maps and clipping planes must cover,
-//! and what the pointer is over. Pictures come from the shader alone.
+//! The bend of `passes/bend.wgsl` on the CPU, in single precision. It tells what the shadow maps and clipping planes
+//! must cover, and what is under the pointer. Pictures use the shader alone.
 
 use crate::scene::{Branch, Carried, Instance, Ride, Scene, Section, Sections, Wind};
 use glam::{Vec2, Vec3};
@@ -21,7 +21,7 @@ pub(crate) struct Bends<'a> {
     of_vertices: &'a [u32],
 }
 
-/// What moves an instance: nothing, a branch or a section.
+/// What moves an instance: a branch, a section, or nothing.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Moved {
     pub ride: Option<Ride>,
@@ -33,19 +33,19 @@ impl Moved {
         Moved { ride: instance.ride, carried: instance.carried }
     }
 
-    /// Whether anything does.
+    /// Whether anything moves it.
     pub(crate) fn any(&self) -> bool {
         self.ride.is_some() || self.carried.is_some()
     }
 
-    /// Whether every vertex goes a way of its own.
+    /// Whether every vertex moves in its own way.
     pub(crate) fn by_vertex(&self) -> bool {
         self.ride.is_some_and(|r| r.at.is_none()) || self.carried.is_some_and(|c| c.vertices.is_some())
     }
 }
 
 impl Sections {
-    /// At the time of a wind.
+    /// All sections at the time of a wind.
     pub(crate) fn now(&self, wind: Option<&Wind>) -> Vec<Section> {
         let mut all = (self.at)(wind.map_or(0.0, |w| w.time_s));
         let still = Section { from: Vec3::ZERO, to: Vec3::ZERO, turn: glam::Quat::IDENTITY };
@@ -55,7 +55,7 @@ impl Sections {
 }
 
 impl Wind {
-    /// Where a branch is in the motion texture (0 to 1, wrapped).
+    /// The place of a branch in the motion texture (0 to 1, wrapped).
     pub(crate) fn place(&self, branch: &Branch) -> [f32; 2] {
         [0, 1].map(|k| (branch.start[k] + self.time_s * branch.velocity[k]).rem_euclid(1.0) as f32)
     }
@@ -91,13 +91,12 @@ impl<'a> Bends<'a> {
         Bends::new(&scene.branches, scene.sections.as_ref(), scene.wind.as_ref())
     }
 
-    /// Where a point in world space goes that something moves, or nothing; of a mesh that is moved vertex by vertex it is
-    /// vertex `number`.
+    /// The place that a point in world space moves to. In a mesh that is moved vertex by vertex, it is vertex `number`.
     pub(crate) fn moved(&self, by: Moved, number: usize, point: Vec3) -> Vec3 {
         self.bent(by, number, point, Vec3::ZERO).0
     }
 
-    /// A point and a normal.
+    /// The same for a point and a normal.
     pub(crate) fn bent(&self, by: Moved, number: usize, point: Vec3, normal: Vec3) -> (Vec3, Vec3) {
         if let Some(carried) = by.carried {
             let own = carried.vertices.and_then(|first| self.of_vertices.get(first as usize + number));

@@ -1,6 +1,6 @@
-//! Levels of detail: which of a mesh's triangulations each instance is drawn with. Levels share the vertices and follow
-//! each other in one index buffer; instances are sorted by level whenever the camera asks for another split, so that a
-//! leaf stays one instanced draw a level.
+//! Levels of detail: which of a mesh's triangulations each instance is drawn with. The levels share the vertices, and
+//! their indices follow each other in one buffer. When the camera needs another split, instances are sorted by level.
+//! So a leaf needs one instanced draw for each level.
 
 use crate::bend::Moved;
 use crate::gpu::Gpu;
@@ -10,56 +10,56 @@ use crate::thin::{MANY, Seen, larger, ranks};
 use glam::Vec3;
 use std::ops::Range;
 
-/// How far a level may be off in a picture (pixels), and in a shadow map (texels).
+/// Largest error of a level in a picture (pixels), and in a shadow map (texels).
 const PIXELS: f32 = 0.5;
 const TEXELS: f32 = 0.25;
 
-/// A leaf's levels (the mesh itself is the first) and which instances take which.
+/// The levels of a mesh, of which the mesh itself is the first, and the level of each instance.
 pub(crate) struct Levels {
-    /// Indices, and how far the level is from the mesh (units of the mesh).
+    /// Range of indices, and largest distance of the level from the mesh (units of the mesh).
     levels: Vec<(Range<u32>, f32)>,
-    /// Around each instance at rest: centre, radius, and its scale.
+    /// A ball around each instance at rest: centre, radius, and the instance's scale.
     spheres: Vec<(Vec3, f32, f32)>,
     rows: Vec<[[f32; 4]; 3]>,
     rides: Vec<[f32; 2]>,
     begins: Vec<[u32; 2]>,
-    /// Whether what moves it is known to leave it where its ball is.
+    /// Whether nothing moves the instance away from its ball.
     still: Vec<bool>,
-    /// Where far ones may be fewer and larger, the rank of each.
+    /// The rank of each instance, where fewer and larger leaves may be drawn at a distance.
     ranks: Vec<f32>,
     chosen: Vec<u8>,
-    /// How much larger each is drawn; 0 where it is not drawn.
+    /// The factor by which each instance is drawn larger; 0 where it is not drawn.
     sizes: Vec<f32>,
-    /// The instances as the main pass draws them, where it draws any larger.
+    /// The instances as the main pass draws them, if any is enlarged.
     enlarged: Option<wgpu::Buffer>,
-    /// Level and instances of each draw.
+    /// Level and range of instances of each draw.
     runs: Vec<(usize, Range<u32>)>,
 }
 
-/// Three rows of an instance's transform.
+/// The three rows of an instance's transform.
 pub(crate) fn rows(instance: &Instance) -> [[f32; 4]; 3] {
     let m = instance.transform;
     [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
 }
 
-/// Where an instance's rows of arriving light begin, with the level of their anchors in the four highest bits, and its
-/// shares of the sun.
+/// The first row of light that arrives at an instance, with the level of its anchors in the four highest bits, and the
+/// first of its shares of the sun.
 pub(crate) fn begin(instance: &Instance) -> [u32; 2] {
     [instance.first_row | instance.first_level << 28, instance.first_share.unwrap_or(0)]
 }
 
-/// The mesh's own triangles and those of its levels, one after the other.
+/// The triangles of the mesh itself, followed by those of its levels.
 pub(crate) fn indices(mesh: &Mesh) -> Vec<u32> {
     mesh.indices.iter().chain(mesh.details.iter().flat_map(|d| &d.indices)).copied().collect()
 }
 
-/// The triangle's angle that a pixel covers (rad).
+/// The angle that a pixel covers (rad).
 pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
     2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / height.max(1) as f32
 }
 
 impl Levels {
-    /// `leaves`: they are leaves, of which far ones may be fewer and larger.
+    /// With `leaves`, fewer and larger instances may be drawn at a distance.
     pub(crate) fn new(mesh: &Mesh, instances: &[Instance], leaves: bool) -> Levels {
         let mut levels = vec![(0..mesh.indices.len() as u32, 0.0)];
         for detail in &mesh.details {
@@ -100,12 +100,12 @@ impl Levels {
         larger(Vec3::from(self.rows[k].map(|row| row[3])), (centre, radius), size)
     }
 
-    /// Draws of the main pass: indices and instances.
+    /// The draws of the main pass: ranges of indices and of instances.
     pub(crate) fn runs(&self) -> impl Iterator<Item = (Range<u32>, Range<u32>)> + '_ {
         self.runs.iter().map(|(level, instances)| (self.levels[*level].0.clone(), instances.clone()))
     }
 
-    /// The coarsest level whose error stays below `most` at every instance, and that error there.
+    /// The coarsest level whose error stays below `most` at every instance, and its largest error.
     fn everywhere(&self, most: f32) -> (usize, f32) {
         let scale = self.spheres.iter().map(|s| s.2).fold(0.0, f32::max);
         let fits = |k: &usize| self.levels[*k].1 * scale <= most;
@@ -113,12 +113,12 @@ impl Levels {
         (level, self.levels[level].1 * scale)
     }
 
-    /// Indices of the shadow pass, for maps whose texels have this side.
+    /// Range of indices for the shadow pass, for maps whose texels have this side.
     pub(crate) fn shadow(&self, texel: f32) -> Range<u32> {
         self.levels[self.everywhere(TEXELS * texel).0].0.clone()
     }
 
-    /// How far the surface that is drawn may be from the one in the shadow maps.
+    /// The largest distance between the surface that is drawn and the surface in the shadow maps.
     pub(crate) fn apart(&self, texel: f32) -> f32 {
         if self.levels.len() == 1 {
             return 0.0;
@@ -133,13 +133,13 @@ impl Levels {
         drawn + self.everywhere(TEXELS * texel).1
     }
 
-    /// The instances as the main pass draws them, where they are not as they stand.
+    /// The instances as the main pass draws them, if any of them is enlarged.
     pub(crate) fn enlarged(&self) -> Option<&wgpu::Buffer> {
         self.enlarged.as_ref()
     }
 
-    /// Chooses what a picture shows of the instances, and each one's level; rewrites them where the choice changed.
-    /// Those that are not drawn come last: shadow maps draw them all.
+    /// Chooses which instances a picture shows, and the level of each. The buffers are rewritten when the choice has
+    /// changed. Instances that are not drawn come last, because shadow maps draw all of them.
     pub(crate) fn arrange(
         &mut self,
         gpu: &Gpu,
@@ -184,7 +184,7 @@ impl Levels {
         self.enlarge(gpu, &order);
     }
 
-    /// Writes the instances as large as they are drawn, where any is larger than it stands.
+    /// Writes the instances at the size at which they are drawn, if any is enlarged.
     fn enlarge(&mut self, gpu: &Gpu, order: &[usize]) {
         if self.sizes.iter().all(|s| *s == 0.0 || *s == 1.0) {
             self.enlarged = None;
@@ -204,13 +204,13 @@ impl Levels {
         }
     }
 
-    /// Triangles that the main pass draws.
+    /// Number of triangles that the main pass draws.
     pub(crate) fn triangles(&self) -> u64 {
         self.runs().map(|(indices, instances)| indices.len() as u64 / 3 * instances.len() as u64).sum()
     }
 }
 
-/// Writes what instances have in another order, where there is a buffer for it.
+/// Writes values of the instances in another order, if there is a buffer for them.
 fn rewrite<T: bytemuck::Pod>(gpu: &Gpu, buffer: Option<&wgpu::Buffer>, of: &[T], order: &[usize]) {
     if let Some(buffer) = buffer {
         let sorted: Vec<T> = order.iter().map(|i| of[*i]).collect();

@@ -1,26 +1,26 @@
-//! A sky's harmonics as the shader reads them, and a gloss lobe's weight of each band.
+//! A sky's harmonics as the shader reads them, and the weight that a gloss lobe gives to each band.
 //!
-//! Y_lm = K_lm p_lm(z) Re or Im (x + iy)^m with p_mm = 1, (l − m) p_lm = (2l − 1) z p_{l−1,m} − (l + m − 1) p_{l−2,m}:
-//! the shader runs this recurrence, the K_lm are folded into the coefficients. Six degrees lose no digit of f32 that a
-//! picture shows.
+//! Y_lm = K_lm p_lm(z) Re or Im (x + iy)^m, where p_mm = 1 and (l − m) p_lm = (2l − 1) z p_{l−1,m} − (l + m − 1)
+//! p_{l−2,m}. The shader runs this recurrence, and the coefficients already contain the K_lm. Up to degree six, f32
+//! loses no digit that a picture shows.
 //!
-//! The lobe seen from v is taken for one that is round about its own mean direction R: its band l is W_l = ∫ f cosθ
-//! P_l(ω·R) / ∫ f cosθ. The first two bands are exact, whatever the roughness and the slant; what is left out is the
-//! lobe's departure from roundness in bands 2 and up.
+//! The lobe seen from v is approximated by one that is round about its own mean direction R. Its band l is then W_l = ∫
+//! f cosθ P_l(ω·R) / ∫ f cosθ. The first two bands are exact for any roughness and any slant. The error is the lobe's
+//! departure from roundness in bands 2 and above.
 
 use crate::lobe::{FLOOR, cavity, polar_nodes};
 use crate::scene::{Dome, Lobe};
 use std::f64::consts::PI;
 
-/// Most bands: l = 0 … 6.
+/// The largest number of bands, l = 0 … 6.
 pub const MOST_BANDS: usize = 7;
 
-/// Number of bands of N² coefficients; `None` where their number is no square from 1 to 49.
+/// Number N of bands that N² coefficients have; `None` where their number is no square from 1 to 49.
 pub(crate) fn bands(dome: &Dome) -> Option<usize> {
     (1..=MOST_BANDS).find(|n| n * n == dome.harmonics.len())
 }
 
-/// K_lm (2m − 1)!!: what is folded into a coefficient.
+/// K_lm (2m − 1)!!, the factor that a coefficient contains.
 pub(crate) fn norm(l: usize, m: usize) -> f64 {
     let ratio: f64 = ((l - m + 1)..=(l + m)).map(|k| k as f64).product();
     let odd: f64 = (1..=m).map(|k| (2 * k - 1) as f64).product();
@@ -42,7 +42,7 @@ pub(crate) fn harmonic(l: usize, m: isize, [x, y, z]: [f64; 3]) -> f64 {
     norm(l, a) * p * if m < 0 { sin } else { cos }
 }
 
-/// The shader's coefficients, at l(l+1)+m.
+/// The coefficients for the shader, at l(l+1)+m.
 pub(crate) fn coefficients(dome: &Dome) -> [[f32; 4]; MOST_BANDS * MOST_BANDS] {
     let mut out = [[0.0; 4]; MOST_BANDS * MOST_BANDS];
     for l in 0..bands(dome).unwrap_or(0) {
@@ -56,13 +56,13 @@ pub(crate) fn coefficients(dome: &Dome) -> [[f32; 4]; MOST_BANDS * MOST_BANDS] {
     out
 }
 
-/// Where a lobe points on average and its weight of bands 1 to 6, over the same grid as [`crate::lobe::AlbedoTable`].
+/// The mean direction of a lobe and its weights of bands 1 to 6, on the same grid as [`crate::lobe::AlbedoTable`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MeanTable {
     pub m_min: f64,
     pub m_max: f64,
-    /// First `ROWS` rows: x (from the normal away from the view) over the view's sine, z of the mean direction, W_1,
-    /// W_2; then as many with W_3 … W_6.
+    /// The first `ROWS` rows hold x of the mean direction (from the normal away from the view) over the view's sine,
+    /// its z, W_1 and W_2. As many rows follow with W_3 … W_6.
     pub texels: Vec<[f32; 4]>,
 }
 
@@ -77,7 +77,7 @@ impl MeanTable {
             let m = m_min * (m_max / m_min).powf(row as f64 / (Self::ROWS - 1) as f64);
             for column in 0..Self::COLUMNS {
                 let x = FLOOR.sqrt() + (1.0 - FLOOR.sqrt()) * column as f64 / (Self::COLUMNS - 1) as f64;
-                // At the pole the lobe leans nowhere; the slope of its lean is what is kept.
+                // Seen along the normal, the lobe does not lean. The table needs the limit of x over the sine.
                 let nv = (x * x).min(1.0 - 1e-6);
                 let mean = Mean::new(lobe, nv, m, &polar, 32);
                 let w = mean.weights.map(|v| v as f32);
@@ -90,19 +90,19 @@ impl MeanTable {
     }
 }
 
-/// One lobe's mean.
+/// The mean direction of one lobe and its weights.
 pub(crate) struct Mean {
-    /// x away from the view along the surface, z along the normal; of unit length.
+    /// Unit vector: x along the surface away from the view, z along the normal.
     pub direction: [f64; 2],
     /// W_0 … W_6.
     pub weights: [f64; MOST_BANDS],
 }
 
 impl Mean {
-    /// Half vectors drawn from D cosα, as for [`crate::lobe::directional_albedo`].
+    /// The mean over half vectors drawn from D cosα, as in [`crate::lobe::directional_albedo`].
     pub fn new(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azimuths: usize) -> Mean {
         let sin_v = (1.0 - nv * nv).max(0.0).sqrt();
-        // light direction (x away from the view, z) and weight
+        // Direction of the light (x away from the view, z), and its weight.
         let mut lights = Vec::with_capacity(polar.len() * azimuths);
         for &(share, weight) in polar {
             let tan2 = lobe.quantile(share, m);
@@ -146,7 +146,7 @@ impl Mean {
 mod tests {
     use super::*;
 
-    /// The shader's recurrence against closed forms of the harmonics (x, y, z of a unit vector).
+    /// The shader's recurrence agrees with closed forms of the harmonics (x, y, z of a unit vector).
     #[test]
     fn folded_coefficients_are_the_harmonics() {
         let d: [f64; 3] = [0.48, 0.6, 0.64];
@@ -164,14 +164,14 @@ mod tests {
         ] {
             assert!((value(l, m) - want).abs() < 1e-14, "{l} {m}: {} {want}", value(l, m));
         }
-        // Unsöld: the squares of a degree sum to (2l+1)/(4π).
+        // Unsöld's theorem: the squares of a degree sum to (2l+1)/(4π).
         for l in 0..MOST_BANDS {
             let sum: f64 = (-(l as isize)..=l as isize).map(|m| value(l, m).powi(2)).sum();
             assert!((sum * 4.0 * PI / (2 * l + 1) as f64 - 1.0).abs() < 1e-12, "{l}");
         }
     }
 
-    /// A nearly smooth mirror sends the view to its mirror direction and keeps every band; a rough one is wide.
+    /// A nearly smooth mirror sends the view into its mirror direction and keeps every band. A rough one is wide.
     #[test]
     fn a_mirror_is_a_mirror() {
         let polar = polar_nodes(20);

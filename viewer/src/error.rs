@@ -1,4 +1,4 @@
-//! What can go wrong while drawing, each with one sentence that says what was found and what was expected.
+//! The errors of drawing. Each is one sentence that says what was found and what was expected.
 
 /// Errors of the renderer and its window.
 #[derive(Debug, thiserror::Error)]
@@ -12,25 +12,25 @@ pub enum Error {
     /// The adapter gave no device, ran out of memory or refused a shader.
     #[error("adapter {adapter} refused: {reason}")]
     Device {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// What it said.
+        /// The reason that it gave.
         reason: String,
     },
     /// The scene data contradict themselves.
     #[error("scene, {place}: found {found}, expected {expected}")]
     Scene {
-        /// Which part of the scene.
+        /// The part of the scene.
         place: String,
-        /// What is there.
+        /// The value found there.
         found: String,
-        /// What should be there.
+        /// What would be right.
         expected: String,
     },
     /// A picture or texture larger than the adapter takes, or empty.
     #[error("{what} of {width}x{height}: expected both sides from 1 to {limit} on this adapter")]
     Size {
-        /// What was to be made.
+        /// What should be made.
         what: String,
         /// Pixels or texels across.
         width: u32,
@@ -48,9 +48,9 @@ pub enum Error {
     /// The disk.
     #[error("{path}: could not write the picture: {reason}")]
     Write {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// What the system said.
+        /// The reason that the system gave.
         reason: String,
     },
 }

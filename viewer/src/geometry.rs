@@ -1,5 +1,6 @@
-//! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never
-//! uploaded, and one instanced draw for a mesh in a material (and level of detail) however often the two occur.
+//! Meshes and instances on the adapter. Each quantity of a vertex has a buffer of its own, so that a quantity that no
+//! shader reads is never uploaded. A mesh in a material needs one instanced draw for each level of detail, however
+//! often the two occur.
 
 use crate::bend::{Bends, Moved};
 use crate::detail::{self, Levels};
@@ -18,13 +19,13 @@ pub(crate) struct MeshOnGpu {
     pub normals: wgpu::Buffer,
     pub tangents: Option<wgpu::Buffer>,
     pub uvs: Option<wgpu::Buffer>,
-    /// Of the vertices among the anchors, where light arrives by a transfer.
+    /// Places of the vertices among the anchors, where light arrives by a transfer.
     pub places: Option<wgpu::Buffer>,
     pub indices: wgpu::Buffer,
 }
 
 impl MeshOnGpu {
-    /// Uploads mesh `index` as far as the shaders of `batches` read it.
+    /// Uploads those parts of mesh `index` that the shaders of `batches` read.
     pub(crate) fn new(gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) -> MeshOnGpu {
         let mut put = |name: &str, bytes: &[u8], usage| put(gpu, &format!("mesh {index} {name}"), bytes, usage, stats);
         let mut out = MeshOnGpu {
@@ -39,7 +40,7 @@ impl MeshOnGpu {
         out
     }
 
-    /// Uploads what the shaders of `batches` read and is not there yet.
+    /// Uploads the parts that the shaders of `batches` read and that are not on the adapter yet.
     pub(crate) fn complete(&mut self, gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) {
         let read = |of: fn(&Variant) -> bool| batches.iter().any(|b| b.mesh == index && of(&b.variant));
         if self.tangents.is_none() && read(Variant::tangent) {
@@ -57,7 +58,7 @@ impl MeshOnGpu {
     }
 }
 
-/// A mesh in a material, wherever the two stand together: one draw a level of detail.
+/// All instances of one mesh in one material. They take one draw for each level of detail.
 pub(crate) struct Batch {
     pub mesh: usize,
     pub material: usize,
@@ -65,16 +66,16 @@ pub(crate) struct Batch {
     pub levels: Levels,
     pub instances: wgpu::Buffer,
     pub count: u32,
-    /// Whether any of it casts a shadow.
+    /// Whether any of them casts a shadow.
     pub casts: bool,
-    /// Branch and place of each instance, where something bends.
+    /// Branch of each instance and its place there, where something bends.
     pub rides: Option<wgpu::Buffer>,
-    /// Where rows of arriving light and shares of the sun begin, where either is read.
+    /// The first row of arriving light and the first share of the sun of each instance, where either is read.
     pub begins: Option<wgpu::Buffer>,
 }
 
 impl Batch {
-    /// What stands in the scene, uploaded: by material, then by mesh.
+    /// Uploads everything that stands in the scene, ordered by material and then by mesh.
     pub(crate) fn all(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Vec<Batch> {
         let mut together: BTreeMap<(usize, usize), Vec<Instance>> = BTreeMap::new();
         for instance in scene.instances.iter().filter(|i| !scene.meshes[i.mesh].indices.is_empty()) {
@@ -109,8 +110,8 @@ fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut Stats) -> w
     gpu.buffer(label, bytes, usage)
 }
 
-/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, beginnings of rows and
-/// shares, place among anchors; `false` leaves one out.
+/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, first row and first
+/// share, place among anchors. A quantity whose argument is `false` is left out.
 pub(crate) fn vertex_layouts(
     normal: bool,
     tangent: bool,
@@ -152,11 +153,11 @@ pub(crate) fn vertex_layouts(
     layouts
 }
 
-/// Points around every instance at rest, in world space, and what bends them: corners of boxes, but every vertex of a
-/// mesh that bends.
+/// Points around every instance at rest, in world space, and what bends them. They are the corners of boxes, or every
+/// vertex where a mesh bends.
 pub(crate) struct Extents {
     points: Vec<(Moved, Vec<Vec3>)>,
-    /// Of these, those of floors.
+    /// For each of these, whether it is a floor.
     floors: Vec<bool>,
     branches: Vec<Branch>,
     sections: Option<Sections>,
@@ -188,7 +189,7 @@ impl Extents {
             let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
             Some(((by, points), instance.floor))
         });
-        // Lawns throw no shadow.
+        // Lawns cast no shadow.
         let lawns = scene.grass.iter().map(|grass| {
             let far = (grass.high - grass.low).extend(grass.height);
             let corner = |k: u32| {
@@ -209,12 +210,12 @@ impl Extents {
         self.sections.as_ref()
     }
 
-    /// What clipping planes must cover.
+    /// The points that clipping planes must cover.
     pub(crate) fn corners(&self, wind: Option<&Wind>) -> Vec<Vec3> {
         self.moved(wind, |_| true)
     }
 
-    /// What shadow maps must cover: all that casts a shadow.
+    /// The points that shadow maps must cover: everything that casts a shadow.
     pub(crate) fn casters(&self, wind: Option<&Wind>) -> Vec<Vec3> {
         self.moved(wind, |floor| !floor)
     }
@@ -229,7 +230,7 @@ impl Extents {
     }
 }
 
-/// Centre and radius of a ball around all that a scene shows, as bent at its time.
+/// Centre and radius of a ball around everything that a scene shows, as bent at its time.
 pub fn ball_around(scene: &Scene) -> (Vec3, f32) {
     ball(&Extents::new(scene).corners(scene.wind.as_ref()))
 }
@@ -242,15 +243,15 @@ pub(crate) fn ball(points: &[Vec3]) -> (Vec3, f32) {
     (centre, points.iter().map(|p| p.distance(centre)).fold(1e-3, f32::max))
 }
 
-/// Maps world space to the picture: infinite far plane and reversed depth (1 near, 0 far), which keeps digits
-/// everywhere.
+/// The matrix from world space to the picture, with an infinite far plane and reversed depth (1 near, 0 far). This
+/// keeps precision at all distances.
 pub(crate) fn view_projection(camera: &crate::scene::Camera, aspect: f32, near: f32) -> Mat4 {
     let view = glam::camera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up.normalize());
     glam::camera::rh::proj::directx::perspective_infinite_reverse(camera.fov_y_deg.to_radians(), aspect, near) * view
 }
 
-/// Maps world space to a scanner's picture: a parallel projection along its camera onto z = 0; depth grows towards the
-/// camera.
+/// The matrix from world space to a scanner's picture: a parallel projection along its camera onto z = 0. Depth grows
+/// towards the camera.
 pub(crate) fn parallel_projection(scanner: &crate::scene::Scanner, width: u32, height: u32, radius: f32) -> Mat4 {
     let scale = glam::vec2(width as f32, height as f32).recip() * (2.0 / scanner.pixel_mm);
     let slant = scanner.camera.truncate() / scanner.camera.z;

@@ -1,5 +1,5 @@
-//! The adapter and device that draw: chosen once, shared by the headless renderer and the window. Says what the adapter
-//! can do, so that the passes pick 32-bit maps and targets only where they work.
+//! The adapter and device that draw. They are chosen once, and the headless renderer and the window share them. The
+//! passes ask here what the adapter can do, so that they use 32-bit maps and targets only where these work.
 
 use crate::error::{Error, Result};
 use wgpu::{Backends, Features, Limits};
@@ -25,42 +25,42 @@ pub enum Backend {
     Gl,
 }
 
-/// Who draws.
+/// The adapter that draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AdapterInfo {
-    /// As the driver calls it.
+    /// Name of the adapter, as the driver gives it.
     pub name: String,
     /// `vulkan`, `gl`, …
     pub backend: String,
     /// Name and version of the driver.
     pub driver: String,
-    /// True where the CPU draws: its frame times say nothing about a GPU.
+    /// Whether the CPU draws. Then frame times say nothing about a GPU.
     pub is_software: bool,
-    /// True where maps or radiance are held at 16 bits a channel, which keeps about 5e-4 relative.
+    /// Whether maps or radiance have 16 bits a channel, with a relative precision of about 5e-4.
     pub half_precision: bool,
 }
 
 /// An opened device and what it can do.
 pub struct Gpu {
-    /// Who draws.
+    /// The adapter that draws.
     pub adapter: wgpu::Adapter,
     /// Makes buffers, textures and pipelines.
     pub device: wgpu::Device,
-    /// Takes what is to be drawn.
+    /// The queue that takes commands.
     pub queue: wgpu::Queue,
     /// The adapter in words.
     pub info: AdapterInfo,
-    /// Format of the appearance maps: 32 bits where they can be filtered.
+    /// Format of the appearance maps, which has 32 bits where such maps can be filtered.
     pub(crate) map_format: wgpu::TextureFormat,
     /// Format of the radiance target without multisampling.
     pub(crate) hdr_format: wgpu::TextureFormat,
     pub(crate) timestamps: bool,
 }
 
-/// Radiance target under multisampling: the widest that every adapter resolves.
+/// Format of the radiance target with multisampling: the widest that every adapter resolves.
 pub(crate) const MSAA_HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
-/// What a program that draws asks of the system: the graphics interfaces of `options` and of the environment.
+/// What a program that draws requests of the system: the graphics interfaces that `options` and the environment allow.
 pub fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = match options.backend {
@@ -125,7 +125,7 @@ impl Gpu {
         })
     }
 
-    /// Catches what the adapter refuses from here on, until `Guard::finish`.
+    /// Catches the adapter's errors from here on, until `Guard::finish`.
     pub(crate) fn guard(&self) -> Guard {
         Guard {
             memory: self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory),
@@ -160,7 +160,8 @@ impl Gpu {
     }
 }
 
-/// Turns the adapter's refusals (no memory left, a shader its driver does not take) into errors.
+/// Turns errors of the adapter, such as lack of memory or a shader that the driver refuses, into errors of the
+/// renderer.
 pub(crate) struct Guard {
     memory: wgpu::ErrorScopeGuard,
     validation: wgpu::ErrorScopeGuard,

@@ -1,112 +1,115 @@
-//! Grass as slices (Habel 2009, ch. 2): what the pass `passes/grass.rs` draws, as plain numbers. Lengths in mm, z up.
+//! Grass as slices (Habel 2009, ch. 2): the data that `passes/grass.rs` draws. Lengths are in mm, and z is up.
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use glam::{DVec2, Vec2, Vec3};
 use std::sync::Arc;
 
-/// Tables are known at so many steps, of a height from 0 to the carrier's, or of |Ω_z| from 0 to 1.
+/// Number of steps of a table, over the height from 0 to the carrier's, or over |Ω_z| from 0 to 1.
 pub const GRASS_STEPS: usize = 16;
-/// A value at each step and at both ends.
+/// A table with a value at each step and at both ends.
 pub type GrassTable = [f32; GRASS_STEPS + 1];
-/// No ray crosses more slices than this.
+/// The largest number of slices that a ray may cross.
 pub const MOST_SLICES: u32 = 256;
 
 /// A lawn: a level box over the ground, filled with a rectangle of slices that repeats.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grass {
-    /// What it is called in what is printed.
+    /// Name of the lawn in printed text.
     pub name: String,
-    /// The middle of a rectangle, on the ground, in the world.
+    /// The middle of one rectangle on the ground, in the world.
     pub origin: Vec3,
-    /// The box from the origin, along x and y.
+    /// The least x and y of the box, relative to the origin.
     pub low: Vec2,
-    /// See `low`.
+    /// The largest x and y, relative to the origin.
     pub high: Vec2,
-    /// Of the box over the ground.
+    /// Height of the box over the ground.
     pub height: f32,
-    /// The rectangle that repeats.
+    /// Size of the rectangle that repeats.
     pub period: [f32; 2],
-    /// Slices across x in a rectangle, and as many across y.
+    /// Number of slices across x in a rectangle, and the same number across y.
     pub count: u32,
-    /// A ray crosses at most so many slices, 1 to [`MOST_SLICES`]; what it gathered stands for the rest.
+    /// The largest number of slices that a ray crosses, 1 to [`MOST_SLICES`]. What it has gathered by then represents
+    /// the rest.
     pub steps: u32,
-    /// What opacities are weighted with (`fit grass` explains it): of the area of blades, the share that a direction
-    /// sees, by |Ω_z|.
+    /// The projection that opacities are weighted by (`fit grass` explains it): the share of the blades' area that a
+    /// direction sees, over |Ω_z|.
     pub projection: GrassTable,
-    /// The same that the slices themselves show, along the ground and from above.
+    /// The same share as the slices themselves show it, along the ground and from above.
     pub shown: [f32; 2],
-    /// Mean opacity of upright slices by height.
+    /// Mean opacity of upright slices over the height.
     pub cover: GrassTable,
     /// Mean opacity of the level slice.
     pub level_cover: f32,
-    /// First slices across x, then those across y.
+    /// The upright slices: first those across x, then those across y.
     pub upright: GrassSheet,
-    /// The level slice at half the height; `None` leaves its code and its texture out.
+    /// The level slice at half the height. With `None`, the shader has no code and no texture for it.
     pub level: Option<GrassSheet>,
     /// Reflectance of the ground.
     pub soil: [f32; 3],
-    /// Mean share of the light that a blade scatters, to both sides.
+    /// Mean share of the light that a blade scatters to both sides together.
     pub scatter: [f32; 3],
-    /// Share of the light that arrives at a height (first index) past the blades above, by |Ω_z| (second).
+    /// Share of the light that passes the blades above and arrives at a height (first index), over |Ω_z| (second
+    /// index).
     pub through: [GrassTable; GRASS_STEPS + 1],
-    /// Share of an even sky's light that arrives at blades, by height.
+    /// Share of an even sky's light that arrives at blades, over the height.
     pub open: GrassTable,
     /// Share of an even sky's light that arrives at the ground.
     pub soil_open: f32,
-    /// How the wind leans the blades; `None` leaves its code and its map out.
+    /// How the wind leans the blades. With `None`, the shader has no code and no map for it.
     pub gusts: Option<Arc<GrassGusts>>,
-    /// Every slice is drawn as polygons that are sorted and blended, back to front, instead of following a ray through
-    /// all of them: what slices are compared with. No wind leans these.
+    /// Whether every slice is drawn as polygons that are sorted and blended from back to front, instead of by following
+    /// a ray through all slices. This is the method that slices are compared with. No wind leans these polygons.
     pub billboards: bool,
 }
 
-/// A map of gusts that repeats and moves with the wind: how far blades lean along x and y, the way of a point over its
-/// height. A blade's point at the height z is z times its lean from where it would be without wind.
+/// A map of gusts that repeats and moves with the wind. It holds the lean of blades along x and y: the displacement of
+/// a point over its height. So a blade's point at the height z is moved by z times its lean.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrassGusts {
-    /// Without gusts.
+    /// The lean without gusts.
     pub mean: [f32; 2],
-    /// Texels a side of the map.
+    /// Number of texels along a side of the map.
     pub size: u32,
-    /// What gusts add, row by row, texel centres at (i + ½)/size, sampled linearly and repeated.
+    /// The lean that gusts add, row by row. Texel centres are at (i + ½)/size; the map is sampled linearly and repeats.
     pub added: Vec<[f32; 2]>,
-    /// Sides of the map for each mm along x and along y.
+    /// Sides of the map for each mm along x and for each mm along y.
     pub turn: [DVec2; 2],
-    /// Sides of the map a second.
+    /// Sides of the map for each second.
     pub drift: DVec2,
 }
 
 impl GrassGusts {
-    /// Where a place of the world (x, y) is in the map at a time (s): 0 to 1 along both sides.
+    /// The place in the map of a place in the world (x, y) at a time (s), from 0 to 1 along both sides.
     pub fn place(&self, at: DVec2, time: f64) -> DVec2 {
         let sides = self.turn[0] * at.x + self.turn[1] * at.y + self.drift * time;
         sides - sides.floor()
     }
 }
 
-/// Pictures of slices side by side, each with a border, and coarser levels of them.
+/// Pictures of slices side by side, each with a border, and coarser levels of the whole.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrassSheet {
     /// Texels of a picture along and up, without its border.
     pub cell: [u32; 2],
-    /// Texels of the border on each side.
+    /// Texels of the border on each side of a picture.
     pub border: u32,
-    /// Pictures a line.
+    /// Number of pictures in a line.
     pub columns: u32,
-    /// The finest first, each half as wide and high as the one before.
+    /// The levels, the finest first. Each has half the width and height of the one before.
     pub levels: Vec<GrassLevel>,
 }
 
-/// A level of a sheet, row-major, row 0 on top. All numbers but the opacity are multiplied by the opacity.
+/// A level of a sheet, row by row, with row 0 on top. All numbers except the opacity are multiplied by the opacity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrassLevel {
-    /// Texels a row.
+    /// Number of texels in a row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// Normal and opacity; reflectance of the side that looks along +x, +y or up, and how far along it in its slab the
-    /// blade is (0 to 1); reflectance of the other side, and the same again; transmittance, and nothing.
+    /// The four planes. The first is the normal and the opacity. The second is the reflectance of the side that faces
+    /// +x, +y or up, and the place of the blade along this direction in its slab (0 to 1). The third is the reflectance
+    /// of the other side, and the place again. The fourth is the transmittance; its last number is unused.
     pub planes: [Vec<[f32; 4]>; 4],
 }
 

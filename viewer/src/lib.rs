@@ -1,5 +1,5 @@
-//! Draws leaves and what they grow on with wgpu, without a window or for one. Takes plain scene data: meshes, materials,
-//! instances, branches and lights ([`scene`]). Knows nothing of fitting or of files of scenes.
+//! Draws leaves and the plants that they grow on with wgpu, with or without a window. The input is plain scene data:
+//! meshes, materials, instances, branches and lights ([`scene`]). This crate knows nothing of fits or of scene files.
 //!
 //! ```no_run
 //! use mesophyll_viewer::{Error, Options, Renderer, scene::{Camera, Scene}};
@@ -44,6 +44,6 @@ pub use picture::{Picture, save_png};
 pub use renderer::Renderer;
 pub use stats::{Stats, Upload};
 pub use timing::Timing;
-/// For tests of shaders that are handed to other programs; not part of this crate's promise.
+/// For tests of shaders that other programs use. It is not part of this crate's stable interface.
 #[doc(hidden)]
 pub use {pollster, wgpu};

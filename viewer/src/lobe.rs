@@ -1,8 +1,9 @@
-//! The directional albedo a(N·v, m) of the bounded gloss lobe as a table for the sky term, by the lobe's formulas in
-//! double precision ([`mesophyll_surface::gloss`]); `passes/lobe.wgsl` evaluates the lobe itself.
+//! The directional albedo a(N·v, m) of the bounded gloss lobe as a table for light from the sky. It is computed from
+//! the lobe's formulas in double precision ([`mesophyll_surface::gloss`]). The lobe itself is evaluated by
+//! `passes/lobe.wgsl`.
 //!
-//! f_s = ρs·D·G·F/(4 (N·l)(N·v)) with a V-cavity G, and a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. Limits: N·v is floored at
-//! 1e-3, m at 1e-3.
+//! f_s = ρs·D·G·F/(4 (N·l)(N·v)) with a V-cavity factor G, and a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. N·v and m are at least
+//! 1e-3.
 
 use crate::dome::MeanTable;
 use crate::scene::Lobe;
@@ -11,14 +12,14 @@ use std::f64::consts::PI;
 /// Smallest N·v and m that the shading uses.
 pub const FLOOR: f64 = 1e-3;
 
-/// V-cavity shadowing and masking.
+/// The V-cavity factor for shadowing and masking.
 pub fn cavity(nh: f64, nv: f64, nl: f64, vh: f64) -> f64 {
     (2.0 * nh * nv.min(nl) / vh).clamp(0.0, 1.0)
 }
 
-/// Directional albedo per unit ρs at cosine `nv` and roughness `m`: the mean over half vectors h drawn from D cosα of
-/// F·G·(v·h)/((N·v) cosα), which is what dω_l = 4 (v·h) dω_h makes of the integral. Gauss–Legendre in the share of D
-/// and a midpoint rule in azimuth.
+/// Directional albedo for ρs = 1 at cosine `nv` and roughness `m`. It is the mean of F·G·(v·h)/((N·v) cosα) over half
+/// vectors h drawn from D cosα, because dω_l = 4 (v·h) dω_h. The quadrature is Gauss–Legendre in the share of D and a
+/// midpoint rule in azimuth.
 pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azimuths: usize) -> f64 {
     let (nv, m) = (nv.clamp(FLOOR, 1.0), m.max(FLOOR));
     let sin_v = (1.0 - nv * nv).sqrt();
@@ -39,8 +40,8 @@ pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azi
     sum / azimuths as f64
 }
 
-/// Nodes and weights on [0, 1]: Gauss–Legendre in x with share = 1 − (1 − x)², which crowds nodes where the lobe's tail
-/// lies.
+/// Nodes and weights on [0, 1]: Gauss–Legendre in x, where share = 1 − (1 − x)². This puts more nodes into the lobe's
+/// tail.
 pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
     mesophyll_quadrature::symmetric(n)
         .into_iter()
@@ -51,8 +52,8 @@ pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The table the shader looks up: columns √(N·v) from √`FLOOR` to 1, rows ln m from `m_min` to `m_max`, bilinear
-/// between.
+/// The table that the shader reads. Columns are √(N·v) from √`FLOOR` to 1, rows are ln m from `m_min` to `m_max`, and
+/// values between are bilinear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlbedoTable {
     /// Roughness of the first row.
@@ -64,9 +65,9 @@ pub struct AlbedoTable {
 }
 
 impl AlbedoTable {
-    /// Steps of √(N·v).
+    /// Number of steps of √(N·v).
     pub const COLUMNS: usize = 96;
-    /// Steps of ln m.
+    /// Number of steps of ln m.
     pub const ROWS: usize = 24;
 
     /// Integrates the table over the roughness range that a leaf's texels span.
@@ -85,7 +86,7 @@ impl AlbedoTable {
         AlbedoTable { m_min, m_max, values }
     }
 
-    /// What the shader reads at (N·v, m).
+    /// The value that the shader reads at (N·v, m).
     pub fn lookup(&self, nv: f64, m: f64) -> f64 {
         let x = (nv.clamp(FLOOR, 1.0).sqrt() - FLOOR.sqrt()) / (1.0 - FLOOR.sqrt()) * (Self::COLUMNS - 1) as f64;
         let y = (m.clamp(self.m_min, self.m_max) / self.m_min).ln() / (self.m_max / self.m_min).ln()
@@ -97,14 +98,14 @@ impl AlbedoTable {
     }
 }
 
-/// Directional-albedo tables already integrated, kept from scene to scene.
+/// Tables that were integrated already. They are kept from scene to scene.
 #[derive(Default)]
 pub(crate) struct Tables(Vec<(Lobe, AlbedoTable)>, Vec<(Lobe, MeanTable)>);
 
 impl Tables {
-    /// A table that covers roughness `m_min` to `m_max`.
+    /// A table that covers roughness from `m_min` to `m_max`.
     pub(crate) fn albedo(&mut self, lobe: Lobe, m_min: f64, m_max: f64) -> AlbedoTable {
-        // Rounded outwards to powers of two, so that an edit in the window rarely integrates anew.
+        // The range is rounded outwards to powers of two, so that edits in the window rarely need a new table.
         let (low, high) = (m_min.max(FLOOR).log2().floor().exp2(), m_max.max(FLOOR).log2().ceil().exp2());
         if let Some((_, table)) =
             self.0.iter().find(|(l, t)| *l == lobe && t.m_min <= low && t.m_max >= high && t.m_max <= 4.0 * high)
@@ -116,7 +117,7 @@ impl Tables {
         table
     }
 
-    /// The lobe's mean directions over an albedo table's grid.
+    /// The table of mean directions on the grid of an albedo table.
     pub(crate) fn means(&mut self, lobe: Lobe, like: &AlbedoTable) -> MeanTable {
         if let Some((_, table)) =
             self.1.iter().find(|(l, t)| *l == lobe && (t.m_min, t.m_max) == (like.m_min, like.m_max))
@@ -133,8 +134,8 @@ impl Tables {
 mod tests {
     use super::*;
 
-    /// ∫ f_s cosθ dω over light directions, by brute force: rings crowd towards the horizon, cosθ = s⁴, where grazing
-    /// views reflect.
+    /// ∫ f_s cosθ dω over light directions, by brute force. With cosθ = s⁴ the rings are dense near the horizon, where
+    /// grazing views reflect.
     fn brute(lobe: Lobe, nv: f64, m: f64) -> f64 {
         let sin_v = (1.0 - nv * nv).sqrt();
         let (rings, spokes) = (900, 900);
@@ -144,7 +145,7 @@ mod tests {
             let nl = s.powi(4);
             let sin_l = (1.0 - nl * nl).sqrt();
             for k in 0..spokes {
-                // Crowded around the mirror direction, azimuth π.
+                // The nodes are dense around the mirror direction, azimuth π.
                 let t = (k as f64 + 0.5) / spokes as f64;
                 let phi = PI * (1.0 - t * t);
                 let (x, y, z) = (sin_l * phi.cos() + sin_v, sin_l * phi.sin(), nl + nv);
@@ -156,7 +157,7 @@ mod tests {
                 sum += f * nl * 4.0 * s.powi(3) * 2.0 * PI * t;
             }
         }
-        // Both halves of the azimuth.
+        // The factor 2 is for both halves of the azimuth.
         2.0 * sum / (rings * spokes) as f64
     }
 
@@ -184,7 +185,8 @@ mod tests {
                 }
             }
         }
-        // A nearly smooth mirror returns all of it, with Fresnel the dielectric's share at normal incidence.
+        // A nearly smooth mirror returns all light. With Fresnel's factor it returns a dielectric's share at normal
+        // incidence.
         let a = directional_albedo(Lobe::Beckmann, 1.0, 0.02, &polar, 48);
         assert!((a - 1.0).abs() < 1e-3, "{a}");
         let a = directional_albedo(Lobe::CookTorrance { index: 1.5 }, 1.0, 0.02, &polar, 48);

@@ -1,11 +1,12 @@
-//! Appearance maps on their way to the adapter: mip chains by area-weighted averaging over the leaf (texels off the
-//! leaf hardly count), 32 or 16 bits a channel. Texel centres lie at (i + ½)/W; sampling is bilinear and clamped.
+//! Prepares appearance maps for the adapter: mip chains by averages that are weighted by the area on the leaf, so that
+//! texels off the leaf hardly count, with 32 or 16 bits a channel. Texel centres lie at (i + ½)/W. Sampling is bilinear
+//! and clamped.
 
 use crate::gpu::Gpu;
 use half::f16;
 
-/// Weight of a texel off the leaf: small enough not to bleed into it, large enough that a level off the leaf stays
-/// defined.
+/// Weight of a texel off the leaf. It is small enough not to change colours on the leaf, and large enough to keep a
+/// level defined where no texel is on the leaf.
 const OFF_LEAF: f32 = 1e-5;
 
 /// One level of a map, row-major, row 0 on top.
@@ -16,7 +17,7 @@ pub(crate) struct Level {
     pub texels: Vec<[f32; 4]>,
 }
 
-/// All levels of a map down to 1×1; `on_leaf` has the map's own columns.
+/// All levels of a map down to 1×1. `on_leaf` has the same columns as the map.
 pub(crate) fn mip_chain(width: u32, height: u32, texels: Vec<[f32; 4]>, on_leaf: Option<&[u8]>) -> Vec<Level> {
     let mut weights: Vec<f32> = match on_leaf {
         Some(mask) => mask.iter().map(|m| if *m > 0 { 1.0 } else { OFF_LEAF }).collect(),
@@ -53,7 +54,7 @@ pub(crate) fn mip_chain(width: u32, height: u32, texels: Vec<[f32; 4]>, on_leaf:
     levels
 }
 
-/// Source texels under destination texel `i` of `n`, with their covered shares; at most four.
+/// The source texels under texel `i` of `n`, at most four, with the share that it covers of each.
 fn footprint(i: u32, n: u32, source: u32) -> impl Iterator<Item = (u32, f32)> {
     let scale = source as f32 / n as f32;
     let (start, end) = (i as f32 * scale, (i + 1) as f32 * scale);
@@ -63,7 +64,7 @@ fn footprint(i: u32, n: u32, source: u32) -> impl Iterator<Item = (u32, f32)> {
         .filter(|(_, share)| *share > 1e-6)
 }
 
-/// A texture with what its upload weighed.
+/// A texture, and the number of bytes that were uploaded for it.
 pub(crate) struct Uploaded {
     pub view: wgpu::TextureView,
     pub bytes: u64,
@@ -74,14 +75,14 @@ pub(crate) fn upload(gpu: &Gpu, label: &str, levels: &[Level]) -> Uploaded {
     write(gpu, label, &[levels], gpu.map_format)
 }
 
-/// Uploads maps of one size as the layers of one texture, at 16 bits a channel on every adapter: a component is rounded
-/// by 2⁻¹¹ of itself, so that a product with a unit vector is off by less than 5e-4 of the texel's length.
+/// Uploads maps of one size as the layers of one texture, with 16 bits a channel on every adapter. Rounding changes a
+/// component by at most 2⁻¹¹ of itself. So a product with a unit vector has an error below 5e-4 of the texel's length.
 pub(crate) fn upload_half(gpu: &Gpu, label: &str, layers: &[Vec<Level>]) -> Uploaded {
     let layers: Vec<&[Level]> = layers.iter().map(Vec::as_slice).collect();
     write(gpu, label, &layers, wgpu::TextureFormat::Rgba16Float)
 }
 
-/// Uploads a table that is read texel by texel, always at 32 bits.
+/// Uploads a table that is read texel by texel, always with 32 bits.
 pub(crate) fn upload_table(gpu: &Gpu, label: &str, table: Level) -> Uploaded {
     write(gpu, label, &[&[table]], wgpu::TextureFormat::Rgba32Float)
 }
@@ -117,7 +118,7 @@ fn write(gpu: &Gpu, label: &str, layers: &[&[Level]], format: wgpu::TextureForma
     Uploaded { view: texture.create_view(&Default::default()), bytes }
 }
 
-/// Uploads a mask (255 on the leaf) without mips: coverage is sampled, never averaged away.
+/// Uploads a mask (255 on the leaf) without mips, because coverage is sampled and must not be averaged.
 pub(crate) fn upload_mask(gpu: &Gpu, label: &str, width: u32, height: u32, mask: &[u8]) -> Uploaded {
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),

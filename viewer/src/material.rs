@@ -1,5 +1,5 @@
-//! Materials on the adapter: a material's constants and the maps that its variant of the shader reads, in one bind
-//! group. An edit uploads what it changed; every other texture stays where it is.
+//! Materials on the adapter. A bind group holds a material's constants and the maps that its variant of the shader
+//! reads. An edit uploads what it changed; all other textures stay.
 
 use crate::dome::MeanTable;
 use crate::gpu::Gpu;
@@ -17,7 +17,7 @@ pub(crate) struct MaterialOnGpu {
     textures: Vec<Texture>,
 }
 
-/// A texture, with a hash of what it was made of: an edit keeps it where the hash is the same.
+/// A texture with a hash of its source data. An edit keeps the texture if the hash is the same.
 struct Texture {
     slot: Slot,
     content: u64,
@@ -33,7 +33,7 @@ struct Constants {
     albedo: [f32; 4],
 }
 
-/// Where a texture is bound in group 1, as numbered in `leaf.wgsl` and `side.wgsl`.
+/// The binding of a texture in group 1, as numbered in `leaf.wgsl` and `side.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Slot {
     Mask,
@@ -64,12 +64,12 @@ impl Slot {
         }
     }
 
-    /// Read texel by texel instead of through the sampler.
+    /// Whether the texture is read texel by texel instead of through the sampler.
     fn is_table(self) -> bool {
         matches!(self, Slot::Albedo | Slot::Means | Slot::Of(_, Map::Curve))
     }
 
-    /// As uploads are called.
+    /// The name of its uploads.
     fn name(self) -> String {
         let (side, map) = match self {
             Slot::Mask => return "mask".into(),
@@ -112,7 +112,7 @@ fn slots(variant: &Variant) -> Vec<Slot> {
     slots
 }
 
-/// The bindings of group 1 for a variant: the layout and what is bound come from one list.
+/// The bindings of group 1 for a variant. The layout and the bound resources come from one list.
 pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
     let visibility = wgpu::ShaderStages::FRAGMENT;
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
@@ -159,7 +159,7 @@ fn curve_table(curve: &SlabCurve) -> Level {
     Level { width: curve.rho_d.len() as u32, height: 2, texels }
 }
 
-/// Smallest and largest roughness of the sides that shine.
+/// Smallest and largest roughness of the sides that have gloss.
 fn roughness_range(leaf: &Leaf) -> (f64, f64) {
     let texels = leaf.sides.iter().filter_map(|(_, s)| s.gloss.as_ref()).flatten();
     let (low, high) = texels.fold((f64::MAX, 0.0f64), |(l, h), t| (l.min(f64::from(t[3])), h.max(f64::from(t[3]))));
@@ -170,13 +170,13 @@ fn rgb(texels: &[[f32; 3]]) -> Vec<[f32; 4]> {
     texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect()
 }
 
-/// A leaf's own tables: its lobe's albedo, and its mean directions where a dome lights it.
+/// A leaf's own tables: the albedo of its lobe and, under a dome, the lobe's mean directions.
 struct LobeTables {
     albedo: Option<AlbedoTable>,
     means: Option<MeanTable>,
 }
 
-/// A leaf on its way to the adapter.
+/// A leaf that is being uploaded.
 struct Upload<'a> {
     gpu: &'a Gpu,
     leaf: &'a Leaf,
@@ -184,13 +184,13 @@ struct Upload<'a> {
 }
 
 impl Upload<'_> {
-    /// A hash of what the texture of a slot is made of.
+    /// A hash of the source data of the texture in a slot.
     fn content(&self, slot: Slot) -> u64 {
         let leaf = self.leaf;
         let mut hash = DefaultHasher::new();
         (leaf.width, leaf.height).hash(&mut hash);
         let mut add = |bytes: &[u8]| hash.write(bytes);
-        // Maps are averaged over the texels on the leaf.
+        // The mask counts too, because maps are averaged over the texels on the leaf.
         if let (Some(mask), false) = (&leaf.mask, slot.is_table()) {
             add(mask);
         }
@@ -221,7 +221,7 @@ impl Upload<'_> {
         hash.finish()
     }
 
-    /// Makes the texture of a slot; `None` where the leaf has nothing for it.
+    /// Makes the texture of a slot; `None` where the leaf has no data for it.
     fn texture(&self, slot: Slot) -> Option<Uploaded> {
         let (gpu, leaf, name) = (self.gpu, self.leaf, slot.name());
         let table = |width: usize, height: usize, texels| {
@@ -266,8 +266,8 @@ impl Upload<'_> {
 }
 
 impl MaterialOnGpu {
-    /// Uploads material `index` as far as `variant` reads it, but for the textures that `before`, the same material
-    /// before an edit, has already.
+    /// Uploads those parts of material `index` that `variant` reads. Textures that `before`, the same material before
+    /// an edit, already has are kept.
     pub(crate) fn new(
         gpu: &Gpu,
         index: usize,
@@ -330,15 +330,15 @@ impl MaterialOnGpu {
         MaterialOnGpu { group, textures }
     }
 
-    /// A leaf's mask, for the shadow pass.
+    /// The leaf's mask, for the shadow pass.
     pub(crate) fn mask(&self) -> Option<&wgpu::TextureView> {
         self.textures.iter().find(|t| t.slot == Slot::Mask).map(|t| &t.view)
     }
 }
 
-/// Samplers shared by all materials.
+/// The samplers that all materials share.
 pub(crate) struct Samplers {
-    /// Trilinear when a map is minified, plain bilinear when it is magnified, clamped at its rim.
+    /// Trilinear where a map is minified, bilinear where it is magnified, and clamped at the rim.
     pub maps: wgpu::Sampler,
 }
 

@@ -1,5 +1,6 @@
-//! How long a fragment's way through a shader is: operations of the intermediate representation, calls followed, both
-//! arms of every branch, loops once. A figure to compare shaders by, the same on every adapter; it is not time.
+//! Counts the operations of a fragment shader in its intermediate representation. Calls are followed, both arms of
+//! every branch count, and a loop counts once. The figure is for comparing shaders and is the same on every adapter. It
+//! is not a time.
 
 use wgpu::naga::{self, Block, Function, Module, Statement};
 
@@ -43,7 +44,7 @@ mod tests {
         };
         let one = count(&shader("return vec4f(twice(a));")).expect("one call");
         let two = count(&shader("return vec4f(twice(a) + twice(a));")).expect("two calls");
-        // Another addition and another call.
+        // The difference is another addition and another call.
         assert!(two > one + 1, "{one} {two}");
         let branch = count(&shader("if (a > 0.0) { return vec4f(twice(a)); } return vec4f(a);")).expect("a branch");
         assert!(branch > one);

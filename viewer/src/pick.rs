@@ -1,25 +1,25 @@
-//! What lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
+//! Finds what lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
 
 use crate::bend::{Bends, Moved};
 use crate::scene::{Camera, Instance, Leaf, Mesh, Scene, Side};
 use glam::{Vec2, Vec3};
 
-/// A point of what stands in the scene.
+/// A point on something that stands in the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Index into the scene's instances.
     pub instance: usize,
     /// Index into the scene's materials.
     pub material: usize,
-    /// Which side is seen: the one whose mesh normal faces the viewer.
+    /// The side that is seen: the one whose mesh normal faces the viewer.
     pub side: Side,
-    /// On the front's maps.
+    /// Texture coordinates on the front's maps.
     pub uv: Vec2,
-    /// Column and row of the seen side's own maps; 0, 0 where the material has none.
+    /// Column and row on the maps of the side that is seen; 0, 0 where the material has no maps.
     pub texel: [u32; 2],
-    /// In the world.
+    /// Place in the world.
     pub position: Vec3,
-    /// From the beginning of the ray, in the world's units.
+    /// Distance from the origin of the ray, in the world's units.
     pub distance: f32,
 }
 
@@ -32,7 +32,7 @@ pub fn ray(camera: &Camera, aspect: f32, x: f32, y: f32) -> (Vec3, Vec3) {
     (camera.eye, (forward + (2.0 * x - 1.0) * t * aspect * right + (1.0 - 2.0 * y) * t * up).normalize())
 }
 
-/// The nearest point that the picture shows at `x`, `y` (0 to 1); holes in a mask are looked through.
+/// The nearest point that the picture shows at `x`, `y` (0 to 1). Holes in a mask are transparent.
 pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Option<Hit> {
     let (origin, direction) = ray(camera, aspect, x, y);
     let boxes: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(bounds).collect();
@@ -43,7 +43,7 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
         let leaf = scene.leaf(instance.material);
         let back = instance.transform.inverse();
         let (mut o, mut d) = (back.transform_point3(origin), back.transform_vector3(direction));
-        // What rides on a branch is met in world space, where it is bent.
+        // What rides on a branch is tested in world space, as it is bent.
         let moved = Moved::of(instance).any().then(|| swung(&bends, instance, mesh));
         if moved.is_some() {
             (o, d) = (origin, direction);
@@ -83,7 +83,7 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
     best
 }
 
-/// World positions and normals of a mesh that something moves.
+/// Positions and normals in the world of a mesh that something moves.
 fn swung(bends: &Bends, instance: &Instance, mesh: &Mesh) -> (Vec<Vec3>, Vec<Vec3>) {
     let m = instance.transform;
     let pairs = mesh.positions.iter().zip(&mesh.normals);
@@ -110,7 +110,7 @@ fn meets_box(o: Vec3, d: Vec3, (low, high): (Vec3, Vec3)) -> bool {
     far >= near.max(0.0)
 }
 
-/// Distance and barycentric coordinates (Möller & Trumbore 1997), both faces.
+/// Distance and barycentric coordinates, for both faces (Möller & Trumbore 1997).
 fn meets_triangle(o: Vec3, d: Vec3, [a, b, c]: [Vec3; 3]) -> Option<(f32, f32, f32)> {
     let (e, f) = (b - a, c - a);
     let p = d.cross(f);

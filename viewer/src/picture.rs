@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Row-major, row 0 on top.
+/// A picture, row by row, with row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// Pixels across.

@@ -1,10 +1,10 @@
-//! Textures back to memory: rows are padded on the adapter and packed here.
+//! Copies textures back to memory. Rows are padded on the adapter and packed here.
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use half::f16;
 
-/// A copy under way from a texture into a buffer.
+/// A copy from a texture into a buffer that is under way.
 pub struct Copy {
     buffer: wgpu::Buffer,
     row: usize,
@@ -28,7 +28,7 @@ pub fn wait(gpu: &Gpu) -> Result<()> {
 pub(crate) fn buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let (sender, receiver) = std::sync::mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-        // The receiver lives until the result has come; nobody is left to tell otherwise.
+        // The receiver exists until the result has arrived. If it were gone, there would be nobody to tell.
         let _ = sender.send(result);
     });
     wait(gpu)?;

@@ -1,24 +1,26 @@
-// Light that arrives at a point past and by way of other surfaces, interpolated between the anchors of its leaf: the
-// irradiance vectors of both sides, and harmonics for gloss. `transfer.wgsl` works out the rows.
+// Light that arrives at a point between and by way of other surfaces, interpolated between the anchors of its leaf. It
+// consists of the irradiance vectors of both sides, and of harmonics for gloss. `transfer.wgsl` computes the rows.
 
 //#if TRANSFER
-// What arrives at the pixel, whatever its maps say there: x, y and z of the front's irradiance vector, then the back's.
+// The light that arrives at the pixel, whatever its maps say: x, y and z of the front's irradiance vector, then the
+// back's.
 var<private> vectors: array<vec3f, 6>;
 //#if ALBEDO
-// The harmonics, normalisation folded in.
+// The harmonics. They contain their normalisation.
 var<private> harmonics: array<vec3f, 49>;
 //#endif
 
-// Below so many pixels between two anchors coarser anchors count too; at half as many the finer ones count no more.
+// Where two anchors are fewer pixels apart than this, coarser anchors are mixed in. At half this distance the finer
+// ones no longer count.
 const NEAR: f32 = 4.0;
 
-// Anchors along a piece and across it, on a level.
+// Number of anchors along a piece and across it on a level.
 fn grid_of(level: u32) -> vec2u {
     return max(vec2u(GRID_X, GRID_Y) >> vec2u(level), vec2u(1u));
 }
 
-// `begin`: the first row of the instance, whose four highest bits are the level of its first anchors, and the piece.
-// `passed`: how many anchors a pixel passes by.
+// `begin` is the first row of the instance, whose four highest bits are the level of its first anchors, and the piece.
+// `passed` is the distance between neighbouring pixels in anchors.
 fn arrive(begin: vec2u, place: vec2f, passed: f32) {
     let kept = begin.x >> 28u;
     let wanted = clamp(log2(max(passed * NEAR, 1e-6)), f32(kept), f32(ANCHOR_LEVELS - 1u));
@@ -36,7 +38,7 @@ fn arrive(begin: vec2u, place: vec2f, passed: f32) {
     }
 }
 
-// Adds a share of what arrives by the anchors of a level, whose rows begin with `first`.
+// Adds a share of the light by the anchors of one level, whose rows begin with `first`.
 fn add(level: u32, first: u32, piece: u32, place: vec2f, share: f32) {
     let grid = grid_of(level);
     let last = grid - 1u;
@@ -63,7 +65,7 @@ fn between(rows: vec4u, weights: vec4f) -> vec3f {
         + weights.z * arriving[rows.z].rgb + weights.w * arriving[rows.w].rgb;
 }
 
-// Irradiance over π on the side whose rows begin at `side`, for this normal.
+// Irradiance over π on a surface with this normal, on the side whose rows begin at `side`.
 fn collected(normal: vec3f, side: u32) -> vec3f {
     let sum = normal.x * vectors[side] + normal.y * vectors[side + 1u] + normal.z * vectors[side + 2u];
     return max(vec3f(0.0), sum) * 0.318309886;

@@ -1,6 +1,6 @@
-//! What the vertex stage needs to bend branches and what rides on them: their numbers, and one motion texture where
-//! there is wind; of plants in the wind the sections that carry vertices and leaves. Bound as group 2 of the main and
-//! the shadow pass; a scene in which nothing bends has neither.
+//! The data that the vertex stage needs to bend branches and what rides on them: the branches' numbers and, where there
+//! is wind, one motion texture. For plants in the wind there are also the sections that carry vertices and leaves. They
+//! are group 2 of the main and the shadow pass. A scene in which nothing bends has no such group.
 
 use crate::bend::Moved;
 use crate::error::Result;
@@ -12,14 +12,14 @@ use crate::variant::Variant;
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-/// WGSL of the bend, put in front of a pass's own.
+/// WGSL of the bend, which is put in front of a pass's own source.
 pub(crate) const SOURCE: &str = include_str!("bend.wgsl");
 
-/// Sections a row of their texture, three texels each, and vertices a row of theirs.
+/// Number of sections in a row of their texture, three texels each, and number of vertices in a row of theirs.
 pub(crate) const SECTIONS_WIDE: u32 = 512;
 pub(crate) const VERTICES_WIDE: u32 = 2048;
 
-/// A branch as the shader holds it.
+/// A branch in the shader's memory layout.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct OnGpu {
@@ -37,7 +37,7 @@ pub(crate) struct BendPass {
     buffer: wgpu::Buffer,
     pub group: wgpu::BindGroup,
     layout: wgpu::BindGroupLayout,
-    /// Where the sections are now.
+    /// The sections at the present time.
     sections: Option<wgpu::Texture>,
     bend: Bending,
 }
@@ -45,11 +45,11 @@ pub(crate) struct BendPass {
 /// What moves the vertices of a scene's instances.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Bending {
-    /// Branches of the scene, where anything rides on one; 0: they do not bend.
+    /// Number of the scene's branches if anything rides on one. With 0, no branch bends.
     pub branches: u32,
-    /// The branches sway by a motion texture.
+    /// Whether branches sway by a motion texture.
     pub motion: bool,
-    /// Sections carry vertices and leaves of plants.
+    /// Whether sections carry vertices and leaves of plants.
     pub sections: bool,
 }
 
@@ -59,7 +59,7 @@ impl Bending {
         self.branches > 0 || self.sections
     }
 
-    /// Of a whole scene: what its bind group holds.
+    /// What moves anything in a whole scene. The bind group holds this.
     fn of(scene: &Scene) -> Bending {
         let rides = scene.instances.iter().any(|i| i.ride.is_some());
         let branches = if rides { scene.branches.len() as u32 } else { 0 };
@@ -71,12 +71,12 @@ impl Bending {
     }
 }
 
-/// What a shader that bends is assembled with.
+/// Adds the names and constants of a shader that bends.
 pub(crate) fn defines(defines: Defines, bend: &Bending) -> Defines {
     defines_of_times(defines, bend, 1, 0)
 }
 
-/// The same for a shader that knows more than one time; `sections` is how many there are at each.
+/// The same for a shader that knows more than one time. `sections` is the number of sections at each time.
 pub(crate) fn defines_of_times(defines: Defines, bend: &Bending, times: u32, sections: usize) -> Defines {
     defines
         .constant("BRANCHES", bend.branches.max(1))
@@ -89,7 +89,7 @@ pub(crate) fn defines_of_times(defines: Defines, bend: &Bending, times: u32, sec
         .set("SECTIONS", bend.sections)
 }
 
-/// What these instances need in their shaders: nothing, or all that moves anything in the scene.
+/// What the shaders of these instances need: nothing, or everything that moves anything in the scene.
 pub(crate) fn needs(scene: &Scene, instances: &[Instance]) -> Bending {
     if instances.iter().any(|i| Moved::of(i).any()) { Bending::of(scene) } else { Bending::default() }
 }
@@ -123,8 +123,8 @@ fn layout(gpu: &Gpu, bend: &Bending) -> wgpu::BindGroupLayout {
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &entries })
 }
 
-/// What moves an instance, to the shader: branch and place, −1 for none of either; −2 − section and where its vertices'
-/// own begin.
+/// What moves an instance, as the shader reads it. For a branch it is the number of the branch and the place, and −1
+/// for none of either. For a section it is −2 − its number, and the first entry of the vertices' own sections.
 pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
     match instance.carried {
         Some(c) => [-2.0 - c.first as f32, c.vertices.map_or(-1.0, |v| v as f32)],
@@ -132,12 +132,12 @@ pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
     }
 }
 
-/// Rows of the sections' texture that one time takes.
+/// Number of rows in the sections' texture that one time takes.
 fn section_rows(sections: usize) -> usize {
     sections.div_ceil(SECTIONS_WIDE as usize).max(1)
 }
 
-/// The branches at several times, one after the other.
+/// The branches at several times, one time after the other.
 fn all_numbers(branches: &[Branch], winds: &[Option<&Wind>]) -> Vec<OnGpu> {
     winds.iter().flat_map(|wind| numbers(branches, *wind)).collect()
 }
@@ -160,18 +160,18 @@ fn numbers(branches: &[Branch], wind: Option<&Wind>) -> Vec<OnGpu> {
             }
         })
         .collect();
-    // No uniform is empty.
+    // A uniform buffer must not be empty.
     all.resize(branches.len().max(1), still);
     all
 }
 
 impl BendPass {
-    /// Uploads the branches; `None` where nothing rides on one.
+    /// Uploads the branches; `None` where nothing rides on any of them.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<BendPass> {
         BendPass::at_times(gpu, scene, &[scene.wind.as_ref()], stats)
     }
 
-    /// The same for several times of the scene's wind, which shaders then choose from.
+    /// The same for several times of the scene's wind, from which shaders choose.
     pub(crate) fn at_times(gpu: &Gpu, scene: &Scene, winds: &[Option<&Wind>], stats: &mut Stats) -> Option<BendPass> {
         let bend = Bending::of(scene);
         if !bend.any() {
@@ -236,7 +236,7 @@ impl BendPass {
         self.set_times(gpu, branches, sections, &[Some(wind)]);
     }
 
-    /// The same for as many times as it was made with.
+    /// The same for several times, as many as the pass was made with.
     pub(crate) fn set_times(
         &self,
         gpu: &Gpu,
@@ -255,7 +255,7 @@ impl BendPass {
         &self.layout
     }
 
-    /// Runs the vertex stage's function over vertices in world space: position, normal and tangent each.
+    /// Runs the vertex stage's function on vertices in world space, each with position, normal and tangent.
     pub(crate) fn probe(&self, gpu: &Gpu, instance: &Instance, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
         let source =
             assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines(Defines::default(), &self.bend));
@@ -342,7 +342,7 @@ fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, heig
     })
 }
 
-/// Writes all of a texture.
+/// Writes the whole of a texture.
 fn fill(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8]) {
     let size = texture.size();
     gpu.queue.write_texture(
@@ -362,14 +362,14 @@ fn fill(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8]) {
     );
 }
 
-/// Whole rows of `wide` entries, at least one.
+/// Fills a list up to whole rows of `wide` entries, with at least one row.
 fn rows<T: Copy>(list: &[T], wide: usize, rest: T) -> Vec<T> {
     let mut out = list.to_vec();
     out.resize(list.len().next_multiple_of(wide).max(wide), rest);
     out
 }
 
-/// The sections at times of the wind, three texels each, whole rows a time.
+/// The sections at several times of the wind, with three texels each and whole rows for each time.
 fn texels(sections: &Sections, winds: &[Option<&Wind>]) -> Vec<[[f32; 4]; 3]> {
     let texel = |s: &Section| [s.from.extend(0.0).to_array(), s.to.extend(0.0).to_array(), s.turn.to_array()];
     let of_time = |wind: &Option<&Wind>| {

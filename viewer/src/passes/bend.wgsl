@@ -1,20 +1,22 @@
 //#if BEND
-// Bends what a branch carries: the branch's own mesh vertex by vertex, what hangs on it rigidly (H9 = Habel 2009, ch.
-// 4, with the arc length solved and the Jacobian of the whole map; `bend.rs` is the same on the CPU). Everything that
-// depends on time may be held for more than one time, one after the other; time 0 is the one that is drawn.
+// Bends what a branch carries. The branch's own mesh bends vertex by vertex, and what hangs on it moves rigidly (H9 =
+// Habel 2009, ch. 4, with the arc length solved for and the Jacobian of the whole map). `bend.rs` does the same on the
+// CPU. Everything that depends on time may be stored for more than one time, one after the other. Time 0 is the time
+// that is drawn.
 
 struct Branch {
-    // Root, and the length.
+    // Root, and in w the length.
     root: vec4f,
-    // Frame at rest: t from root to tip, r, s; with the taper α, ln α and ℓ = ln α/(α − 1).
+    // Frame at rest: t from root to tip, r and s. The w of t is the taper α, that of r is ln α, and that of s is ℓ = ln
+    // α/(α − 1).
     t: vec4f,
     r: vec4f,
     s: vec4f,
-    // Deflection a₂y² + … + a₅y⁵ in y = ln(1 + (α − 1)x)/ln α.
+    // Coefficients of the deflection a₂y² + … + a₅y⁵ in y = ln(1 + (α − 1)x)/ln α.
     a: vec4f,
-    // xy: steady amplitude towards r and s; zw: where the branch is in the motion texture.
+    // xy: steady amplitude towards r and s. zw: place of the branch in the motion texture.
     still: vec4f,
-    // x: amplitude per unit of the motion texture.
+    // x: amplitude for 1 in the motion texture.
     gain: vec4f,
 }
 
@@ -22,7 +24,7 @@ struct Branch {
 //#if MOTION
 @group(2) @binding(1) var motion: texture_2d<f32>;
 
-// Both channels, linear between texel centres and periodic.
+// Both channels of the texture, linear between texel centres and periodic.
 fn swayed(at: vec2f) -> vec2f {
     let size = vec2i(textureDimensions(motion));
     let p = at * vec2f(size) - 0.5;
@@ -37,9 +39,10 @@ fn swayed(at: vec2f) -> vec2f {
 //#endif
 
 //#if SECTIONS
-// Rigid motions, three texels each, SECTIONS_WIDE a row: a point at rest, where it goes, and a quaternion.
+// Rigid motions with three texels each, SECTIONS_WIDE in a row: a point at rest, the place it moves to, and a
+// quaternion.
 @group(2) @binding(2) var sections: texture_2d<f32>;
-// Which of them carries a vertex of bark, VERTICES_WIDE a row.
+// The section that carries each vertex of bark, VERTICES_WIDE in a row.
 @group(2) @binding(3) var of_vertices: texture_2d<u32>;
 
 fn carried(time: u32, section: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
@@ -55,13 +58,13 @@ fn quaternion(q: vec4f, v: vec3f) -> vec3f {
 }
 //#endif
 
-// atanh(z)/z, |z| ≤ 1/3.
+// atanh(z)/z for |z| ≤ 1/3.
 fn reduced(z: f32) -> f32 {
     let q = z * z;
     return 1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q * (1.0 / 9.0 + q * (1.0 / 11.0 + q * (1.0 / 13.0 + q / 15.0))))));
 }
 
-// y of x, regular at α = 1.
+// y as a function of x, regular at α = 1.
 fn bend_coordinate(b: Branch, x: f32) -> f32 {
     let alpha = b.t.w;
     if (alpha < 0.5) {
@@ -73,7 +76,7 @@ fn bend_coordinate(b: Branch, x: f32) -> f32 {
     return x * end / at * reduced(beta * x / at) / reduced(beta / end);
 }
 
-// x of y: (α^y − 1)/(α − 1), regular at α = 1.
+// x as a function of y: (α^y − 1)/(α − 1), regular at α = 1.
 fn bend_place(b: Branch, y: f32) -> f32 {
     let z = y * b.r.w;
     if (abs(z) >= 0.5) {
@@ -94,7 +97,7 @@ fn bend_polynomial(a: vec4f, y: f32) -> vec3f {
     return vec3f(p * y * y, dp * y, ddp);
 }
 
-// d(along)/dy and d(across)/dy of the bent axis.
+// Derivatives by y of the bent axis: its places along and across.
 fn bend_velocity(b: Branch, amplitude: f32, y: f32) -> vec2f {
     return vec2f(exp(y * b.r.w) * b.s.w, amplitude * bend_polynomial(b.a, y).y);
 }
@@ -107,7 +110,7 @@ struct Axis {
     curvature: f32,
 }
 
-// The axis at arc length x: two Newton steps from H9 Eq. 4.9–4.11, with a four-point Gauss rule for the arc.
+// The axis at arc length x. Two Newton steps follow H9 Eq. 4.9–4.11, with a four-point Gauss rule for the arc.
 fn bend_axis(b: Branch, x: f32, amplitude: f32) -> Axis {
     var nodes = array<vec2f, 4>(
         vec2f(0.06943184420297371, 0.17392742256872692), vec2f(0.33000947820757187, 0.3260725774312731),
@@ -119,7 +122,8 @@ fn bend_axis(b: Branch, x: f32, amplitude: f32) -> Axis {
     let slant = sqrt(1.0 + du * du);
     var y = bend_coordinate(b, max(x - u * du / ((1.0 + slant) * slant), 0.0));
     for (var step = 0; step < 2; step++) {
-        // The arc less the straight way, which is known in closed form: at rest nothing moves.
+        // The quadrature gives the difference between the arc and the straight way, which is known in closed form. So
+        // at rest nothing moves.
         var extra = 0.0;
         for (var k = 0; k < 4; k++) {
             let v = bend_velocity(b, amplitude, y * nodes[k].x);
@@ -146,14 +150,15 @@ fn bend_unit(v: vec3f) -> vec3f {
     return v / max(length(v), 1e-30);
 }
 
-// Vertex `number` of its mesh, in world space. `ride`: the branch (below 0: none), and the place (0 to 1) where the
-// vertex's mesh hangs rigidly (below 0: the mesh is the branch's own and bends at every vertex). From −2 downwards it
-// is a section, and then where its vertices' own begin (below 0: the whole mesh is carried).
+// Vertex `number` of its mesh, in world space. `ride.x` is the branch, or −1 for none. `ride.y` is the place (0 to 1)
+// where the mesh hangs rigidly; below 0, the mesh is the branch's own and bends at every vertex. With `ride.x` ≤ −2 it
+// is −2 − a section instead. Then `ride.y` is the first entry of the vertices' own sections; below 0, one section
+// carries the whole mesh.
 fn bent(ride: vec2f, number: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
     return bent_at(0u, ride, number, position, normal, tangent);
 }
 
-// The same at one of the times that are held.
+// The same at one of the times that are stored.
 fn bent_at(time: u32, ride: vec2f, number: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
     //#if SECTIONS
     if (ride.x <= -2.0) {
@@ -184,7 +189,7 @@ fn bent_at(time: u32, ride: vec2f, number: u32, position: vec3f, normal: vec3f, 
     let rigid = ride.y >= 0.0;
     let x = select(clamp(along, 0.0, 1.0), ride.y, rigid);
     let axis = bend_axis(b, x, size);
-    // The plane of bending, at rest and after.
+    // Unit vectors in the plane of bending and across it, at rest.
     let e = share.x * b.r.xyz + share.y * b.s.xyz;
     let f = share.x * b.s.xyz - share.y * b.r.xyz;
     let turned_t = axis.cosine * b.t.xyz + axis.sine * e;

@@ -2,8 +2,8 @@
 
 use crate::gpu::Gpu;
 
-/// A pipeline of `source`'s `vertex` and `fragment` into one target; `depth` and `multisample` as the pass it is drawn
-/// in has them.
+/// A pipeline with the `vertex` and `fragment` of `source` and one target. `depth` and `multisample` must be those of
+/// the pass in which it is drawn.
 pub(crate) fn pipeline(
     gpu: &Gpu,
     name: &str,

@@ -1,5 +1,5 @@
-//! The grass pass: lawns as slices, each the back faces of its box, drawn in the main pass after all meshes. Only
-//! scenes with grass have its pipelines and textures.
+//! The grass pass: lawns as slices. For each lawn the back faces of its box are drawn, in the main pass after all
+//! meshes. Only scenes with grass have its pipelines and textures.
 
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_half};
@@ -13,7 +13,7 @@ use crate::variant::{Lights, Surface, Variant};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// What the shader is told of a lawn; see `grass.wgsl`.
+/// The constants of a lawn for the shader; see `grass.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 struct Uniform {
@@ -34,7 +34,7 @@ struct Uniform {
 
 pub(crate) struct GrassPass {
     lawns: Vec<Lawn>,
-    /// The wind's (s).
+    /// Time of the wind (s).
     pub time: f64,
 }
 
@@ -43,33 +43,34 @@ struct Lawn {
     pipeline: wgpu::RenderPipeline,
     uniform: wgpu::Buffer,
     group: wgpu::BindGroup,
-    /// Where the lawn is drawn by polygons.
+    /// The boards, where the lawn is drawn as polygons.
     boards: Option<wgpu::Buffer>,
 }
 
-/// A piece of a slice as a polygon: what it is across (0 to 2; 3: the ground), the number of its plane and of the planes
-/// across it that it lies between, and whether it is the upper half.
+/// A board: a piece of a slice as a polygon. The numbers are the axis that the slice stands across (0 to 2, or 3 for
+/// the ground), the number of its plane, the number of the interval between planes of the other axis, and whether it is
+/// the upper half.
 type Board = [i32; 4];
 
-/// What a frame's camera and lights tell.
+/// The camera and the lights of a frame.
 #[derive(Clone, Copy)]
 pub(crate) struct Aim<'a> {
     pub camera: &'a Camera,
-    /// Of the picture, in pixels.
+    /// Size of the picture in pixels.
     pub size: [u32; 2],
     pub sun: Option<&'a Sun>,
     pub dome: Option<&'a Dome>,
 }
 
 impl GrassPass {
-    /// `None` for a scene without grass.
+    /// Makes the pass; `None` for a scene without grass.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<GrassPass> {
         let lawns: Vec<Lawn> = scene.grass.iter().map(|grass| Lawn::new(gpu, scene, grass, stats)).collect();
         let time = scene.wind.as_ref().map_or(0.0, |w| w.time_s);
         (!lawns.is_empty()).then_some(GrassPass { lawns, time })
     }
 
-    /// Takes over what this frame sees.
+    /// Takes over the camera and the lights of this frame.
     pub(crate) fn aim(&self, gpu: &Gpu, aim: Aim<'_>) {
         for lawn in &self.lawns {
             let uniform = uniform(&lawn.grass, aim, self.time);
@@ -81,7 +82,7 @@ impl GrassPass {
         }
     }
 
-    /// Draws all lawns; the main pass has bound its own group.
+    /// Draws all lawns. The main pass must have bound its own group.
     pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut Stats) {
         for lawn in &self.lawns {
             pass.set_pipeline(&lawn.pipeline);
@@ -210,7 +211,7 @@ fn layout(gpu: &Gpu, level: bool, wind: bool) -> wgpu::BindGroupLayout {
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("grass"), entries: &entries })
 }
 
-/// The shader of a lawn in a scene's lights.
+/// The shader of a lawn under a scene's lights.
 fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
     let lights = Lights::of(scene);
     let variant = Variant {
@@ -256,19 +257,20 @@ fn pipeline(gpu: &Gpu, scene: &Scene, grass: &Grass, own: &wgpu::BindGroupLayout
         let (label, fragment, msaa) = ("billboards", (&module, "board_fragment"), scene.msaa);
         return drawing(gpu, Drawing { label, layout: &layout, vertex, fragment, primitive, msaa, solid: false });
     }
-    // Back faces: an eye in the grass sees them too.
+    // Back faces are drawn because an eye inside the grass sees them too.
     let primitive = wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Front), ..Default::default() };
     let vertex = vertex_state(&module, "grass_vertex", &[]);
     let (label, fragment, msaa) = ("grass", (&module, "grass_fragment"), scene.msaa);
     drawing(gpu, Drawing { label, layout: &layout, vertex, fragment, primitive, msaa, solid: true })
 }
 
-/// All boards of a lawn, whose corners are those of the shader, as an eye sees them: the ground, then from the farthest to
-/// the nearest by the distance of their middles, one half of the height after the other.
+/// All boards of a lawn in the order in which an eye needs them. `corners` are those of the shader. The ground comes
+/// first, then the half of the height that is farther from the eye, the level slice, and the nearer half. Within each,
+/// boards are sorted from the farthest to the nearest middle.
 fn boards(grass: &Grass, corners: [f32; 4], eye: Vec3) -> Vec<Board> {
     let apart = [0, 1].map(|k: usize| grass.period[k] / grass.count as f32);
     let place = |k: usize, plane: f32| (plane + 0.5) * apart[k] - 0.5 * grass.period[k];
-    // Boards that reach over the edge are cut there; those beyond it are no boards.
+    // Boards that reach over the edge are cut there. Boards beyond the edge are left out.
     let planes = |k: usize| {
         let at = |edge: f32| ((edge + 0.5 * grass.period[k]) / apart[k] - 0.5).round() as i32;
         at(corners[k])..at(corners[2 + k])
@@ -301,7 +303,7 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
     let sheet = |s: &GrassSheet| [s.cell[0] as f32, s.cell[1] as f32, s.border as f32, s.columns as f32];
     let rgb = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
     let (pixel, rays) = pixel_rays(camera, size);
-    // Towards the sun as the lawn without wind has it.
+    // The direction towards the sun, transformed to the lawn without wind.
     let mean = grass.gusts.as_ref().map_or([0.0; 2], |g| g.mean);
     let leant = |to: Vec3| (to - to.z * Vec3::new(mean[0], mean[1], 0.0)).normalize();
     let upwards = sun.map_or(0.0, |s| leant(s.direction.normalize()).z).clamp(0.0, 1.0);
@@ -313,7 +315,7 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
         table.iter().enumerate().for_each(|(i, v)| out[i / 4][i % 4] = *v);
         out
     };
-    // Counted from the rectangle below the eye: single precision has the most digits there.
+    // Places are relative to the rectangle below the eye, because single precision is most accurate there.
     let period = Vec2::from(grass.period);
     let shift = ((camera.eye - grass.origin).truncate() / period).round() * period;
     let (low, high) = (grass.low - shift, grass.high - shift);
@@ -344,7 +346,7 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
 mod tests {
     use super::*;
 
-    /// A lawn that no wind leans is compiled without a line of it.
+    /// A lawn that no wind leans is compiled without any code for it.
     #[test]
     fn no_wind_no_shear() {
         let words = ["leaning", "unleant", "gusts", "leans"];

@@ -1,30 +1,33 @@
-// Grass as slices (Habel 2009, ch. 2): a ray through a box over the ground crosses upright slices across x and across y
-// and a level one at half the height at places that a formula gives (Eq. 2.1–2.3), closest first. The twin of
-// `march.rs` of the room `fit_grass`, in single precision. Part of the main pass: lights are those of `light.wgsl`.
+// Grass as slices (Habel 2009, ch. 2). A ray through a box over the ground crosses upright slices across x and across
+// y, and a level slice at half the height. A formula gives the crossings, closest first (Eq. 2.1–2.3). This is the twin
+// of `march.rs` in the room `fit_grass`, in single precision. It is part of the main pass and uses the lights of
+// `light.wgsl`.
 
 struct Grass {
-    // Origin in the world; w: height.
+    // Origin in the world; w is the height.
     base: vec4f,
-    // The box from the origin: low x, low y, high x, high y.
+    // The box relative to the origin: low x, low y, high x, high y.
     corners: vec4f,
-    // Along x and y; z: slices in a rectangle, w: mean opacity of the level slice.
+    // Period along x and y; z is the number of slices in a rectangle, w the mean opacity of the level slice.
     period: vec4f,
-    // Texels of a picture along and up, of its border; pictures a line.
+    // Texels of a picture along and up, texels of its border, and pictures in a line.
     upright: vec4f,
     level: vec4f,
-    // What slices show along the ground and from above; z: share of the sky that the ground sees, w: angle of a pixel.
+    // Projection that slices show along the ground and from above; z is the share of the sky that the ground sees, w
+    // the angle of a pixel.
     shown: vec4f,
     soil: vec4f,
     scatter: vec4f,
-    // Radiance below the horizon that the sky's harmonics hold.
+    // Radiance below the horizon that the sky's harmonics contain.
     below: vec4f,
-    // The ray of a place in the picture is the first + x·the second + y·the third.
+    // The ray through a place (x, y) of the picture is the first + x · the second + y · the third.
     rays: array<vec4f, 3>,
-    // The mean lean of blades along x and y; zw: where the origin is in the map of gusts.
+    // The mean lean of blades along x and y; zw is the place of the origin in the map of gusts.
     lean: vec4f,
-    // Place in the map of gusts along x (xy) and y (zw), in its sides.
+    // Place in the map of gusts for each mm along x (xy) and y (zw), in sides of the map.
     turn: vec4f,
-    // 17 numbers each in 20: projection, cover, open, share of the sun that arrives at a height.
+    // Four tables of 17 numbers, each padded to 20: projection, cover, open, and the share of the sun that arrives at a
+    // height.
     tables: array<vec4f, 20>,
 }
 
@@ -37,9 +40,9 @@ const ACROSS_Y: u32 = 1u;
 const ACROSS_Z: u32 = 2u;
 const NOTHING: u32 = 3u;
 const FAR: f32 = 1e30;
-// Below this a ray counts as stopped.
+// Below this share of light that is left, a ray counts as stopped.
 const STOPPED: f32 = 1e-4;
-// A ray that gathered less than this has no colour that could stand for the rest.
+// A ray that gathered a smaller opacity than this has no colour that could represent the rest.
 const LITTLE: f32 = 1e-3;
 
 @group(1) @binding(0) var<uniform> grass: Grass;
@@ -53,19 +56,19 @@ const LITTLE: f32 = 1e-3;
 @group(1) @binding(4) var gusts: texture_2d<f32>;
 @group(1) @binding(5) var gust_sampler: sampler;
 
-// How the wind leans the lawn at a place: the way of a blade's point along x and y over its height.
+// How the wind leans the lawn at a place: the displacement of a blade's point along x and y over its height.
 fn leaning(place: vec2f) -> vec2f {
     let at = grass.lean.zw + place.x * grass.turn.xy + place.y * grass.turn.zw;
     return grass.lean.xy + textureSampleLevel(gusts, gust_sampler, at, 0.0).rg;
 }
 
-// A point or a direction of the leaning lawn as the lawn without wind has it.
+// A point or a direction of the leaning lawn, transformed to the lawn without wind.
 fn unleant(v: vec3f, lean: vec2f) -> vec3f {
     return vec3f(v.xy - v.z * lean, v.z);
 }
 //#endif
 
-// The box, its faces counter-clockwise from outside; bits of a corner say which end of x, y and z it is at.
+// The box, with faces that are counter-clockwise from outside. The bits of a corner give its end along x, y and z.
 @vertex
 fn grass_vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     var faces = array<vec4u, 6>(
@@ -83,7 +86,7 @@ fn entry(which: u32, k: u32) -> f32 {
     return grass.tables[i >> 2u][i & 3u];
 }
 
-// A table at a share from 0 to 1, between its steps by straight lines.
+// The value of a table at a share from 0 to 1, linear between its steps.
 fn table(which: u32, share: f32) -> f32 {
     let x = clamp(abs(share), 0.0, 1.0) * 16.0;
     let k = min(u32(x), 15u);
@@ -97,7 +100,7 @@ fn part(one: f32, all: f32) -> f32 {
     return select(1.0, one / all, one < all);
 }
 
-// Shares of the optical depth of upright slices and of the level one that count along d.
+// The shares of the optical depth that count along d, for upright slices and for the level one.
 fn weights(along: vec3f) -> vec2f {
     var d = along;
     //#if WIND
@@ -109,7 +112,7 @@ fn weights(along: vec3f) -> vec2f {
     return vec2f(w, part(wanted - w * upright, grass.shown.y * abs(d.z)));
 }
 
-// What share of its opacity a slice has where a share of its optical depth counts.
+// The share of its opacity that a slice has where a share of its optical depth counts.
 fn counted(across: u32, height: f32, weight: f32) -> f32 {
     let cover = covered(across, height);
     if (cover <= 0.0 || weight <= 0.0) {
@@ -122,8 +125,8 @@ fn covered(across: u32, height: f32) -> f32 {
     return select(table(COVER, height), grass.period.w, across == ACROSS_Z);
 }
 
-// Where a ray is among the slices: the next ones across x and y, the distance to the level one (FAR: crossed or none),
-// and to the end.
+// The progress of a ray through the slices: the next slices across x and y, the distance to the level one (FAR if it
+// was crossed or is absent), and the distance to the end.
 struct Walk {
     origin: vec3f,
     d: vec3f,
@@ -143,16 +146,16 @@ fn steps_apart() -> vec2f {
     return grass.period.xy / grass.period.z;
 }
 
-// Distance to the last point in the box; the origin is in it.
+// Distance to the ray's last point in the box. The origin is inside the box.
 fn way_out(origin: vec3f, d: vec3f) -> f32 {
     let edge = select(vec3f(grass.corners.xy, 0.0), vec3f(grass.corners.zw, grass.base.w), d > vec3f(0.0));
     let t = select((edge - origin) / d, vec3f(FAR), d == vec3f(0.0));
     return max(0.0, min(t.x, min(t.y, t.z)));
 }
 
-// From a point on the slice `index` across `across`, or on none (NOTHING).
+// The walk from a point on the slice `index` across `across`, or on no slice (NOTHING).
 fn walk_from(origin: vec3f, d: vec3f, across: u32, index: i32) -> Walk {
-    // The plane of number j is at (j + 1/2) steps from the rectangle's edge.
+    // The plane with the number j lies (j + 1/2) steps from the rectangle's edge.
     let x = (origin.xy + 0.5 * grass.period.xy) / steps_apart() - 0.5;
     var next = vec2i(select(ceil(x) - 1.0, floor(x) + 1.0, d.xy > vec2f(0.0)));
     let ahead = select(vec2i(-1), vec2i(1), d.xy > vec2f(0.0));
@@ -199,7 +202,7 @@ fn following(walk: ptr<function, Walk>) -> Crossing {
     return found;
 }
 
-// A layer of a slice where it is crossed.
+// A layer of a slice's sheet at a crossing.
 fn sliced(crossing: Crossing, layer: i32, level: f32) -> vec4f {
     let along = fract(crossing.place.xy / grass.period.xy + 0.5);
     //#if LEVEL_SLICE
@@ -210,7 +213,7 @@ fn sliced(crossing: Crossing, layer: i32, level: f32) -> vec4f {
     }
     //#endif
     let count = i32(grass.period.z);
-    // By floor: what % gives for negative numbers is not the same in all shading languages.
+    // The remainder is computed by floor, because % differs between shading languages for negative numbers.
     var cell = crossing.index - count * i32(floor((f32(crossing.index) + 0.5) / grass.period.z));
     var u = along.y;
     if (crossing.across == ACROSS_Y) {
@@ -241,8 +244,8 @@ fn passing(start: Walk, to: vec3f, level: f32) -> f32 {
     return left;
 }
 
-// Share of the light from `to` that arrives at what a ray along d sees of a slice; `within` is where in the slab the
-// blade is (0 to 1).
+// Share of the light from `to` that arrives at the part of a slice that a ray along d sees. `within` is the place of
+// the blade in the slab (0 to 1).
 fn arriving_at(crossing: Crossing, within: f32, d: vec3f, to: vec3f, level: f32) -> f32 {
     let weight = weights(to);
     let steps = steps_apart();
@@ -269,7 +272,7 @@ fn arriving_at(crossing: Crossing, within: f32, d: vec3f, to: vec3f, level: f32)
     return left * passing(walk_from(place, to, crossing.across, crossing.index), to, level);
 }
 
-// Irradiance over π of the sky above the horizon.
+// Irradiance over π by the sky above the horizon.
 fn from_above(normal: vec3f) -> vec3f {
     //#if DOME
     return max(vec3f(0.0), even_light(normal) - grass.below.rgb * (0.5 - 0.5 * normal.z));
@@ -282,20 +285,22 @@ fn from_above(normal: vec3f) -> vec3f {
     //#endif
 }
 
-// Radiance of blades around a height, in the mean over the lawn, for light of which they get `first` over π on both
-// sides: what they scatter of it, and of each other's.
+// Mean radiance of the blades around a height. `first` is the irradiance over π that they get on both sides. The result
+// contains what they scatter of it, and what they scatter of each other's light.
 fn around(height: f32, first: vec3f) -> vec3f {
     let seen = 1.0 - 0.5 * table(OPEN, height);
     return 0.5 * grass.scatter.rgb * first / max(vec3f(1.0) - grass.scatter.rgb * seen, vec3f(1e-3));
 }
 
-// Light of the sky and of the sun, gathered apart: the sun's may still be in the shade of something else.
+// Light of the sky and of the sun. They are gathered separately, because other things in the scene may still shade the
+// sun.
 struct Both {
     sky: vec3f,
     sun: vec3f,
 }
 
-// What is the same for all of a lawn: the sky's light on level ground, and the share of the sun's light that blades get.
+// Values that are the same for a whole lawn: the sky's light on level ground, and the share of the sun's light that
+// blades get.
 struct Overall {
     overhead: vec3f,
     scattered: f32,
@@ -309,18 +314,18 @@ fn overall() -> Overall {
     return Overall(from_above(vec3f(0.0, 0.0, 1.0)), table(PROJECTION, to_sun.z));
 }
 
-// Level of the sheets at a distance from the eye.
+// Level of detail of the sheets at a distance from the eye.
 fn level_at(distance: f32) -> f32 {
     return max(0.0, log2(distance * grass.shown.w / (grass.period.x / grass.upright.x)));
 }
 
-// What a slice stops of a ray, and what it gives along it.
+// The opacity of a slice for a ray, and the light that the slice adds.
 struct Struck {
     opacity: f32,
     light: Both,
 }
 
-// A slice where a ray along d (as the lawn without wind has it) crosses it.
+// Evaluates a slice at a crossing. d is the ray's direction in the lawn without wind.
 fn struck(
     c: Crossing,
     weight: vec2f,
@@ -343,7 +348,7 @@ fn struck(
         return out;
     }
     out.opacity = share * what.w;
-    // The side that the ray sees, by the blades' normals and not by the slice's.
+    // The side that the ray sees follows from the blades' normals, not from the slice's.
     let faces = dot(what.xyz, d) < 0.0;
     var turned = what.xyz;
     //#if WIND
@@ -352,7 +357,7 @@ fn struck(
     let reflects = sliced(c, select(2, 1, faces), level);
     let lets_through = sliced(c, 3, level).rgb;
     let normal = select(-turned, turned, faces) / max(length(turned), 1e-20);
-    // The level slice shows blades of all heights.
+    // The level slice shows blades of all heights, so the height comes from the blade's place in the slab.
     let stands = select(height, reflects.w / what.w, c.across == ACROSS_Z);
     let opens = table(OPEN, stands);
     let both = share * (reflects.rgb + lets_through);
@@ -397,15 +402,15 @@ fn on_soil(place: vec3f, level: f32, all: Overall) -> Both {
 }
 
 //#if BILLBOARDS
-// A piece of a slice as a polygon, or all of the ground.
+// A board, or the whole ground, as a polygon.
 struct Board {
     @builtin(position) position: vec4f,
     @location(0) @interpolate(flat) which: vec2i,
     @location(1) place: vec3f,
 }
 
-// Of a board: what it is across (NOTHING: the ground), the number of its plane, of the planes across it that it lies
-// between, and whether it is the upper half.
+// The vertices of a board. `board` holds the axis that its slice stands across (NOTHING for the ground), the number of
+// its plane, the number of the interval between planes of the other axis, and whether it is the upper half.
 @vertex
 fn board_vertex(@builtin(vertex_index) corner: u32, @location(0) board: vec4i) -> Board {
     let apart = steps_apart();
@@ -459,7 +464,7 @@ struct GrassOut {
 fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     let eye = frame.eye.xyz - grass.base.xyz;
     let d = normalize(grass.rays[0].xyz + position.x * grass.rays[1].xyz + position.y * grass.rays[2].xyz);
-    // Where the ray enters the box; an eye in the grass is in it already.
+    // Where the ray enters the box. An eye inside the grass is already in it.
     let near = select(vec3f(grass.corners.zw, grass.base.w), vec3f(grass.corners.xy, 0.0), d > vec3f(0.0));
     let enters = select((near - eye) / d, vec3f(-FAR), d == vec3f(0.0));
     let first = max(0.0, max(enters.x, max(enters.y, enters.z)));
@@ -467,7 +472,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     let high = vec3f(grass.corners.zw, grass.base.w);
     let origin = clamp(eye + first * d, low, high);
     let end = way_out(origin, d);
-    // The ray as the lawn without wind has it: sheared as the wind leans the lawn where the ray enters.
+    // The ray in the lawn without wind: it is sheared by the wind's lean at the place where the ray enters.
     var begins = origin;
     var along = d;
     //#if WIND
@@ -483,9 +488,9 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     var left = 1.0;
     var seen = Both(vec3f(0.0), vec3f(0.0));
     var depth = -1.0;
-    // Where the ray was cut off although there are more slices ahead.
+    // The distance at which the ray was cut off although there were more slices ahead.
     var cut = -1.0;
-    // One more than the steps: it tells whether there are more slices.
+    // One step more than STEPS finds out whether there are more slices.
     for (var i = 0u; i <= STEPS; i++) {
         var c = following(&walk);
         if (c.across == NOTHING) {
@@ -497,7 +502,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         }
         var own = d;
         //#if WIND
-        // Look-ups are sheared by what the wind differs here from where the ray entered.
+        // Look-ups are sheared by the difference between the lean here and the lean where the ray entered.
         let leans = leaning(origin.xy + d.xy * c.t);
         let within = vec2<bool>(c.across == ACROSS_X, c.across == ACROSS_Y);
         c.place -= vec3f(select(c.place.z * (leans - lean), vec2f(0.0), within), 0.0);
@@ -523,9 +528,9 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         }
     }
 
-    // A ray that was cut off is filled with the mean colour of the blades that it gathered. One that leaves the lawn on
-    // its side is filled in the same way where blades stop more than half of its light. Behind all others is the ground,
-    // or nothing of the lawn.
+    // A ray that was cut off is filled with the mean colour of the blades that it gathered. A ray that leaves the lawn
+    // on its side is filled in the same way if blades stopped more than half of its light. Behind any other ray is the
+    // ground, or nothing of the lawn.
     let ground = d.z < 0.0 && abs(origin.z + d.z * end) < 1e-3 * grass.base.w;
     let opacity = 1.0 - left;
     var at = depth;
@@ -545,7 +550,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         seen.sky += left * grass.soil.rgb * soil.sky;
         seen.sun += left * grass.soil.rgb * soil.sun;
         if (at < 0.0) {
-            // A little before the ground that the scene draws in the same place.
+            // The depth is slightly before the ground that the scene draws in the same place.
             at = end - 0.01 * grass.base.w / max(-d.z, 0.05);
         }
     }

@@ -1,12 +1,12 @@
-// A leaf: what its maps say of either side, by the formulas of `scene.rs`.
+// A leaf: evaluates its maps on either side by the formulas of `scene.rs`.
 
 struct LeafConstants {
     // x: mean thickness h (mm), y: refractive index.
     leaf: vec4f,
-    // Slab curves: x thinnest (mm), y points per mm, z last point's index.
+    // Slab curves: x is the least thickness (mm), y the number of points for each mm, z the index of the last point.
     front_curve: vec4f,
     back_curve: vec4f,
-    // Albedo tables' rows: x ln of the smallest m, y 1/ln(m_max/m_min).
+    // Rows of the albedo tables: x is ln of the smallest m, y is 1/ln(m_max/m_min).
     albedo: vec4f,
 }
 
@@ -33,14 +33,14 @@ struct Pixel {
 
 //#if LIT
 //#if SUN
-// What comes through of the sun on the far side, times π and per irradiance: max(0, F·l)·ρt, or the translucency maps'
-// in place of the cosine (or of both).
+// Sunlight that comes through from the far side, times π and per irradiance: max(0, F·l)·ρt. Translucency maps replace
+// the cosine, or both factors.
 fn through(place: Place, facing: Facing, light: vec3f, transmittance: vec3f) -> vec3f {
     //#if TRANSLUCENCY
     let axes = facing.axes;
-    // In the front's frame.
+    // The light's direction in the front's frame.
     //#if BENT
-    // Where the bent functions are looked up: x and y multiplied by (2|z|/(1+|z|))^¼.
+    // The direction at which the bent functions are evaluated: x and y multiplied by (2|z|/(1+|z|))^¼.
     let height = abs(dot(axes.normal, light));
     let bend = sqrt(sqrt(2.0 * height / (1.0 + height)));
     let omega = vec3f(bend * dot(axes.tangent, light), bend * dot(axes.bitangent, light), dot(axes.normal, light));
@@ -74,7 +74,7 @@ fn through(place: Place, facing: Facing, light: vec3f, transmittance: vec3f) -> 
 fn shade(place: Place, facing: Facing) -> Shade {
     var out = Shade(vec3f(0.0), vec3f(0.0));
     let view = facing.view;
-    // The viewed side's mapped normal N; the far side's F is looked up only where the sun needs it.
+    // N is the viewed side's mapped normal. The far side's normal F is looked up only where the sun needs it.
     //#if TANGENT
     let viewed = mapped(facing.front, place, facing.axes);
     //#else
@@ -150,14 +150,14 @@ fn scanned(place: Place, facing: Facing, world: vec3f) -> vec3f {
 //#endif
 
 //#if SUPERSAMPLE
-// The place moved by a part of a pixel, its footprint a third as wide.
+// The place moved by a part of a pixel, with a footprint that is a third as wide.
 fn moved(place: Place, by: vec2f) -> Place {
     let shift = place.dx * by.x + place.dy * by.y;
     return Place(place.front + shift, place.back + vec2f(-shift.x, shift.y), place.dx * 0.35, place.dy * 0.35);
 }
 
-// Whether the normal turns by more than a fifth of the lobe's slope across the pixel: there the mean normal's highlight
-// is not the highlights' mean (its error grows with the square: a fifth leaves 0.3 %).
+// Whether the normal turns by more than a fifth of the lobe's slope across the pixel. Then the highlight of the mean
+// normal differs from the mean of the highlights. The error grows with the square of the turn; at a fifth it is 0.3 %.
 fn uneven(place: Place, facing: Facing) -> bool {
     let here = mapped(facing.front, place, facing.axes);
     let slope = max(gloss_at(facing.front, place).a, 1e-3);
@@ -175,17 +175,18 @@ fn uneven(place: Place, facing: Facing) -> bool {
 @fragment
 fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     var out: Pixel;
-    // Derivatives are defined before the outline discards anything.
+    // Derivatives must be taken before the outline discards anything.
     let across = cross(dpdx(in.world), dpdy(in.world));
     //#if TRANSFER
-    // Anchors that a pixel passes by, where a leaf is seen edge-on the way along it.
+    // Distance between neighbouring pixels in anchors. The smaller of the two counts, which on a leaf seen edge-on is
+    // that along the leaf.
     let passed = min(length(dpdx(in.place)), length(dpdy(in.place)));
     //#endif
     let dx = dpdx(in.uv);
     let dy = dpdy(in.uv);
     //#if MASK
     //#if SAMPLE_MASK
-    // The standard four sample positions, in pixels from the centre: coverage as four rays would find it.
+    // The four standard sample positions, in pixels from the centre. Coverage is then the same as four rays would find.
     var samples = 0u;
     var offsets = array<vec2f, 4>(vec2f(-0.125, -0.375), vec2f(0.375, -0.125), vec2f(-0.375, 0.125), vec2f(0.125, 0.375));
     for (var i = 0u; i < 4u; i++) {

@@ -1,14 +1,15 @@
-// How light meets a surface: the sun's visible share, the lobe's albedo, what it collects of the sky's harmonics, and a
-// scanner's tube. Part of the main pass; the lobe itself is in `lobe.wgsl`.
+// How light meets a surface: the visible share of the sun, the lobe's albedo, the light that it collects from the sky's
+// harmonics, and a scanner's tube. It is part of the main pass. The lobe itself is in `lobe.wgsl`.
 
 //#if SHADOW
-// Share of the sun's disk that is seen from a point: the mean over the shadow maps, each a 2×2 comparison. The point is
-// lifted off its surface by as much as the depth can change within the filter's reach, so that a leaf does not shadow
-// itself.
+// Share of the sun's disk that is seen from a point: the mean over the shadow maps, with a 2×2 comparison in each. The
+// point is lifted off its surface by the largest change of depth within the filter's reach, so that a leaf does not
+// shadow itself.
 fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
     let sine = sqrt(max(0.0, 1.0 - cosine * cosine));
     //#if LEVELS
-    // Drawn and cast by different levels of detail: off by as much as the two may be apart, too.
+    // The drawn surface and the one in the shadow maps have different levels of detail. So the point is also lifted by
+    // the largest distance between the two.
     let lifted = vec4f(world + normal_to_sun * (frame.shadow.x * (0.3 + 2.0 * sine) + frame.shadow.y), 1.0);
     //#else
     let lifted = vec4f(world + normal_to_sun * (frame.shadow.x * (0.3 + 2.0 * sine)), 1.0);
@@ -16,7 +17,7 @@ fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
     var seen = 0.0;
     for (var i = 0u; i < SHADOW_LAYERS; i++) {
         let p = (shadow_matrices[i] * lifted).xyz;
-        // Nothing casts a shadow beside the map, and what lies beyond its depth is shaded by all that is in it.
+        // Beside the map nothing casts a shadow. Beyond its depth, everything in the map casts one.
         let within = all(abs(p.xy) <= vec2f(1.0));
         let place = vec2f(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.y);
         let open = textureSampleCompareLevel(shadow_map, shadow_sampler, place, i, min(p.z, 0.999999));
@@ -43,7 +44,7 @@ fn albedo(nv: f32, roughness: f32) -> f32 {
 //#endif
 
 //#if DOME
-// Coefficient k of what is gathered from, normalisation folded in.
+// Coefficient k of the light, which contains its normalisation.
 fn coefficient(k: i32) -> vec3f {
     //#if TRANSFER
     //#if ALBEDO
@@ -56,8 +57,8 @@ fn coefficient(k: i32) -> vec3f {
     //#endif
 }
 
-// Σ w_l c_lm Y_lm(d), not below 0: p_mm = 1, (l−m) p_l = (2l−1) z p_{l−1} − (l+m−1) p_{l−2}, times the parts of (x +
-// iy)^m.
+// Σ w_l c_lm Y_lm(d), at least 0, by the recurrence p_mm = 1, (l−m) p_l = (2l−1) z p_{l−1} − (l+m−1) p_{l−2}, times the
+// real and imaginary parts of (x + iy)^m.
 fn gathered(d: vec3f, weight: array<f32, 7>) -> vec3f {
     var w = weight;
     var sum = vec3f(0.0);
@@ -82,7 +83,7 @@ fn gathered(d: vec3f, weight: array<f32, 7>) -> vec3f {
 }
 
 //#if !TRANSFER
-// Irradiance over π on a surface with this normal: the cosine lobe's bands are 1, 2/3, 1/4, 0, −1/24, 0, 1/64 of π.
+// Irradiance over π on a surface with this normal. The cosine lobe's bands are 1, 2/3, 1/4, 0, −1/24, 0 and 1/64 of π.
 fn even_light(normal: vec3f) -> vec3f {
     return gathered(normal, array<f32, 7>(1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0, 0.0, 1.0 / 64.0));
 }
@@ -98,7 +99,7 @@ fn means(place: vec2f, row: f32) -> vec4f {
     return mix(low, high, t.y);
 }
 
-// Mean radiance that the lobe collects: its bands about its mean direction.
+// Mean radiance that the lobe collects, by its bands about its mean direction.
 fn glossy_light(normal: vec3f, view: vec3f, roughness: f32) -> vec3f {
     let nv = dot(normal, view);
     let first = sqrt(1e-3);
@@ -117,7 +118,7 @@ fn glossy_light(normal: vec3f, view: vec3f, roughness: f32) -> vec3f {
 //#if SCANNER
 const TUBE_NODES: i32 = 160;
 
-// What a scanned surface is: its mapped normal, its diffuse reflectance and its gloss.
+// The properties of a scanned surface: mapped normal, diffuse reflectance and gloss.
 struct Scanned {
     normal: vec3f,
     reflectance: vec3f,
@@ -127,9 +128,9 @@ struct Scanned {
     //#endif
 }
 
-// Radiance under the tube: midpoints along it, four Gauss points across it.
+// Radiance under the tube, by midpoints along it and four Gauss points across it.
 fn under_tube(surface: Scanned, view: vec3f, world: vec3f) -> vec3f {
-    // Along the travel, along the tube.
+    // Coordinates along the travel and along the tube.
     let turned = frame.travel.x > 0.5;
     let own = select(world.xy, world.yx, turned);
     let away = frame.tube.x - own.x;

@@ -1,5 +1,5 @@
-// The gloss lobe f_s (`src/surface/gloss.rs` is its twin in double precision). A name of a lobe, as scenes write it, is
-// set where that lobe is drawn.
+// The gloss lobe f_s (`src/surface/gloss.rs` is its twin in double precision). The name of the lobe that is drawn, as
+// scenes write it, is set for the conditions below.
 
 //#if GLOSS
 //#if SUN || SCANNER
@@ -22,7 +22,7 @@ fn fresnel(cosine: f32, n: f32) -> f32 {
 }
 //#endif
 
-// f_s per unit ρs; 0 where the half vector lies below the surface.
+// f_s for ρs = 1; 0 where the half vector lies below the surface.
 fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
     let h = normalize(light + view);
     let nh = dot(normal, h);

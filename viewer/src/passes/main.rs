@@ -1,5 +1,5 @@
-//! The main pass: everything that stands in the scene to a radiance target (HDR), a pipeline for each variant of the
-//! shader that the scene holds.
+//! The main pass: draws everything that stands in the scene into a radiance target (HDR). It has a pipeline for each
+//! variant of the shader that the scene needs.
 
 use crate::dome;
 use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};
@@ -18,7 +18,7 @@ use std::collections::HashMap;
 
 pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// What a frame tells the shader.
+/// The constants of a frame for the shader.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Frame {
@@ -32,7 +32,7 @@ pub(crate) struct Frame {
     pub travel: [f32; 4],
 }
 
-/// What stands in the scene, by the scene's indices; nothing of what stands nowhere.
+/// The meshes and materials of the scene, by the scene's indices; `None` for those without an instance.
 #[derive(Clone, Copy)]
 pub(crate) struct Drawn<'a> {
     pub meshes: &'a [Option<MeshOnGpu>],
@@ -60,18 +60,18 @@ pub(crate) struct MainPass {
     group: wgpu::BindGroup,
 }
 
-/// Targets of the pass.
+/// The targets of the pass, and what is drawn besides the batches.
 pub(crate) struct Targets<'a> {
     pub color: &'a wgpu::TextureView,
     pub resolve: Option<&'a wgpu::TextureView>,
     pub depth: &'a wgpu::TextureView,
     /// Radiance where nothing is hit.
     pub background: [f32; 3],
-    /// The sky instead.
+    /// The sky, which replaces the background.
     pub sky: Option<&'a SkyPass>,
-    /// Where branches bend.
+    /// The bend of branches, if any.
     pub bend: Option<&'a BendPass>,
-    /// Lawns.
+    /// The lawns, if any.
     pub grass: Option<&'a GrassPass>,
 }
 
@@ -112,14 +112,14 @@ pub(crate) fn frame_layout(gpu: &Gpu, lights: &Lights) -> wgpu::BindGroupLayout 
 }
 
 impl Pipelines {
-    /// Makes the variant's pipeline unless it exists; its name goes to `stats` either way.
+    /// Makes the variant's pipeline unless it exists. Its name is added to `stats` either way.
     pub(crate) fn need(&mut self, gpu: &Gpu, variant: &Variant, stats: &mut Stats) {
         stats.pipeline(&variant.name());
         self.0.entry(*variant).or_insert_with(|| pipeline(gpu, variant));
     }
 }
 
-/// The variant's shader.
+/// The shader of a variant.
 pub(crate) fn source(variant: &Variant) -> String {
     let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")].concat();
     let defines = variant.defines();
@@ -175,17 +175,17 @@ pub(crate) fn vertex_state<'a>(
     wgpu::VertexState { module, entry_point: Some(entry), compilation_options: Default::default(), buffers }
 }
 
-/// A pipeline whose targets have the formats of the main pass.
+/// The description of a pipeline whose targets have the formats of the main pass.
 pub(crate) struct Drawing<'a> {
     pub label: &'a str,
     pub layout: &'a wgpu::PipelineLayout,
     pub vertex: wgpu::VertexState<'a>,
-    /// The module and its entry point.
+    /// The module of the fragment shader and its entry point.
     pub fragment: (&'a wgpu::ShaderModule, &'a str),
     pub primitive: wgpu::PrimitiveState,
     pub msaa: u32,
-    /// The nearest is seen and hides the rest. Otherwise colours are multiplied by their opacity and laid over what is
-    /// there, and no depth is written.
+    /// Whether the nearest surface hides the others. If not, colours are multiplied by their opacity and blended over
+    /// what is there, and no depth is written.
     pub solid: bool,
 }
 
@@ -263,21 +263,21 @@ impl MainPass {
         MainPass { frame, dome, shares, group }
     }
 
-    /// Takes over other shares of the sun, as many as before.
+    /// Takes over new shares of the sun. Their number must not change.
     pub(crate) fn set_shares(&self, gpu: &Gpu, shares: &[u8]) {
         if let Some(buffer) = &self.shares {
             gpu.queue.write_buffer(buffer, 0, &words(shares));
         }
     }
 
-    /// Takes over another state of the dome.
+    /// Takes over a changed dome.
     pub(crate) fn set_dome(&self, gpu: &Gpu, dome: &Dome) {
         if let Some(buffer) = &self.dome {
             gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&dome::coefficients(dome)));
         }
     }
 
-    /// Draws everything over the background; alpha is the coverage.
+    /// Draws everything over the background. Alpha is the coverage.
     pub(crate) fn draw(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -343,7 +343,7 @@ impl MainPass {
     }
 }
 
-/// Bytes that fill whole words.
+/// The bytes, filled up to whole words.
 fn words(bytes: &[u8]) -> Vec<u8> {
     let mut out = bytes.to_vec();
     out.resize(bytes.len().next_multiple_of(4).max(4), 0);
@@ -379,7 +379,7 @@ mod tests {
         assert_eq!(leaf(&words, &lit(Surface::Opaque)), 0);
     }
 
-    /// The bent basis is one other line and two more before it: who has none compiles nothing of it.
+    /// The bent basis changes one line and adds two before it. A shader without it contains none of them.
     #[test]
     fn straight_translucency_is_compiled_without_the_bent_ones_code() {
         let side = SideVariant { translucency: 1, ..SideVariant::default() };

@@ -1,6 +1,7 @@
-// Radiance of a surface towards the camera: the formulas of `scene.rs` (Wang et al. 2005, Eq. 1, with a bounded gloss).
-// What every material shares; `leaf.wgsl` or `opaque.wgsl` follows it. Only what the scene needs is assembled: see
-// `shader.rs`. Light is taken in `light.wgsl`, textures are looked up in `maps.wgsl` and, a side each, `side.wgsl`.
+// Radiance of a surface towards the camera, by the formulas of `scene.rs` (Wang et al. 2005, Eq. 1, with a bounded
+// gloss). This is the part that all materials share; `leaf.wgsl` or `opaque.wgsl` follows it. Only the parts that the
+// scene needs are assembled: see `shader.rs`. Lights are in `light.wgsl`. Textures are read in `maps.wgsl` and, for
+// each side, in `side.wgsl`.
 
 struct Frame {
     view_projection: mat4x4f,
@@ -9,11 +10,11 @@ struct Frame {
     sun_direction: vec4f,
     sun_irradiance: vec4f,
     sky: vec4f,
-    // x: side of a shadow texel, y: how far levels of detail may be apart (mm).
+    // x: side of a shadow texel, y: the largest distance between levels of detail (mm).
     shadow: vec4f,
-    // A scanner's tube. x: where it stands along its travel, y: half its length, z: radius, w: height.
+    // A scanner's tube. x: its place along its travel, y: half its length, z: its radius, w: its height.
     tube: vec4f,
-    // x: 1 where it moves along y, y: 1 for gloss with its V-cavity factor.
+    // x: 1 where the tube moves along y. y: 1 for gloss with its V-cavity factor.
     travel: vec4f,
 }
 
@@ -29,13 +30,13 @@ struct Frame {
 @group(0) @binding(9) var<storage, read> arriving: array<vec4f>;
 //#else
 //#if DOME
-// Harmonics of the light from all around, normalisation folded in, at l(l+1)+m.
+// Harmonics of the light from all around, at l(l+1)+m. They contain their normalisation.
 @group(0) @binding(8) var<uniform> dome: array<vec4f, 49>;
 //#endif
 //#endif
 
 //#if SHARES
-// 255 times the share of the sun's disk that vertices see, four to a word.
+// 255 times the share of the sun's disk that each vertex sees, four to a word.
 @group(0) @binding(10) var<storage, read> sun_shares: array<u32>;
 //#endif
 
@@ -53,11 +54,11 @@ struct Vertex {
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
     //#if BEND
-    // Branch and place on it: see `bent`.
+    // The branch, and the place on it: see `bent`.
     @location(7) ride: vec2f,
     //#endif
     //#if TRANSFER || SHARES
-    // First row of the light that arrives at the instance, and its first vertex's share of the sun.
+    // First row of the light that arrives at the instance, and index of its first vertex's share of the sun.
     @location(9) begin: vec2u,
     //#endif
     //#if SHARES || SECTIONS
@@ -81,11 +82,12 @@ struct Varying {
     //#endif
     //#if TRANSFER
     //#if LEAF
-    // Place among the anchors; the first row of the instance with the level of its anchors, and the piece's number.
+    // Place among the anchors. `first` is the first row of the instance with the level of its anchors, and the piece's
+    // number.
     @location(4) place: vec2f,
     @location(5) @interpolate(flat) first: vec2u,
     //#else
-    // Irradiance.
+    // Irradiance that arrives at the vertex.
     @location(4) arrived: vec3f,
     //#endif
     //#endif
@@ -104,7 +106,7 @@ fn vertex(in: Vertex) -> Varying {
     let p = vec4f(in.position, 1.0);
     var out: Varying;
     out.world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
-    // Uniform scale only: normals turn like directions and are normalised in the fragment stage.
+    // The scale is uniform. So normals turn like directions; the fragment stage normalises them.
     out.normal = turned(in, in.normal);
     //#if LEAF
     out.uv = in.uv;
@@ -142,18 +144,18 @@ fn vertex(in: Vertex) -> Varying {
     return out;
 }
 
-// A 16-bit target holds 65504 at most, and one overflow would blacken the picture after x/(1 + x).
+// A 16-bit target holds at most 65504. A single overflow would become black after x/(1 + x).
 fn held(radiance: vec3f) -> vec4f {
     return vec4f(min(radiance, vec3f(6e4)), 1.0);
 }
 
 //#if LIT
-// How the pixel's point is seen and lit, whatever the maps say there.
+// The geometry of the pixel's point towards viewer and light, independent of the maps.
 struct Facing {
     view: vec3f,
     // The mesh's normal on the viewer's side.
     towards_viewer: vec3f,
-    // What decides which side light falls on, towards the viewer too.
+    // The normal that decides on which side light falls, also turned towards the viewer.
     flat_normal: vec3f,
     front: bool,
     //#if SHARES
@@ -167,9 +169,9 @@ struct Facing {
 fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     let view = normalize(frame.eye.xyz - frame.eye.w * in.world);
     //#if TRANSFER
-    // `across` is a normal of the triangle, out of either side. The triangle decides which side is seen and lit, as for
-    // the path tracer: where light goes from leaf to leaf, none may pass through a blade unseen. An interpolated normal
-    // that points the other way is turned round.
+    // `across` is a normal of the triangle, on either of its sides. The triangle decides which side is seen and lit, as
+    // in the path tracer: where light goes from leaf to leaf, none may pass through a blade unnoticed. An interpolated
+    // normal that points the other way is reversed.
     let front = front_facing;
     let flat_normal = normalize(select(-across, across, dot(across, view) > 0.0));
     let outward = select(-flat_normal, flat_normal, front);
@@ -196,7 +198,7 @@ fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     return facing;
 }
 
-// What a surface sends to the viewer: by the sky's light, and by the sun's before its shadow.
+// The light that a surface sends to the viewer: the sky's, and the sun's before it is multiplied by its visibility.
 struct Shade {
     ambient: vec3f,
     sunlit: vec3f,

@@ -1,8 +1,8 @@
-// What a place of a leaf's maps says: reflectance, transmittance, mapped normal and gloss of a side, filtered over the
-// pixel. Part of the main pass; the textures are declared in `side.wgsl`.
+// Reads a leaf's maps at a place: reflectance, transmittance, mapped normal and gloss of a side, filtered over the
+// pixel. It is part of the main pass. The textures are declared in `side.wgsl`.
 
 //#if LIT
-// Where a fragment lies on both sides' maps, with screen derivatives for the choice of mip.
+// The place of a fragment on both sides' maps, with screen derivatives that determine the mip level.
 struct Place {
     front: vec2f,
     back: vec2f,
@@ -10,10 +10,10 @@ struct Place {
     dy: vec2f,
 }
 
-// The map's mean over the pixel: up to 16 trilinear samples along the longer axis of the pixel's footprint, each as
-// wide as the shorter one, so that a blade seen at a slant is not blurred along its veins. Samplers' own anisotropic
-// filters blur magnified maps too on some adapters (Mesa's software one); here a footprint of less than a texel is one
-// plain bilinear sample everywhere.
+// The mean of the map over the pixel. Up to 16 trilinear samples lie along the longer axis of the pixel's footprint,
+// each as wide as the shorter axis. So a blade that is seen at a slant is not blurred along its veins. The anisotropic
+// filters of samplers also blur magnified maps on some adapters (Mesa's software adapter is one). Here, a footprint of
+// less than a texel is one bilinear sample on every adapter.
 fn at(map: texture_2d<f32>, uv: vec2f, place: Place) -> vec4f {
     let print = footprint(vec2f(textureDimensions(map)), place);
     var sum = vec4f(0.0);
@@ -40,7 +40,7 @@ fn footprint(size: vec2f, place: Place) -> Footprint {
 }
 
 //#if COLOUR
-// As `at`, of three layers: the product of each one's mean with a direction.
+// As `at`, for three layers. Each channel is the product of one layer's mean with a direction.
 fn colour_at(map: texture_2d_array<f32>, uv: vec2f, place: Place, direction: vec3f) -> vec3f {
     let print = footprint(vec2f(textureDimensions(map)), place);
     var sum = vec3f(0.0);
@@ -63,7 +63,7 @@ fn slab(curve: texture_2d<f32>, range: vec4f, thickness: f32, row: i32) -> vec3f
 }
 //#endif
 
-// What a side says where the place lies on it: `side.wgsl` has a function of each kind for the front and for the back.
+// The quantities of the side that the place lies on. `side.wgsl` has a function of each for the front and for the back.
 
 fn reflectance_at(front: bool, place: Place) -> vec3f {
     if (front) {
@@ -81,7 +81,7 @@ fn transmittance_at(front: bool, place: Place) -> vec3f {
 
 //#if SUN
 //#if !SKY
-// ρt of a beam that enters a side, where it takes part: colour maps hold it already.
+// ρt of a beam that enters a side, where it is needed. Colour maps already contain it.
 fn needed_transmittance(front: bool, place: Place) -> vec3f {
     if (front) {
         //#if FRONT_COLOUR
@@ -122,7 +122,7 @@ fn basis(in: Varying, normal: vec3f) -> Basis {
     return Basis(tangent, in.tangent.w * cross(normal, tangent), normal);
 }
 
-// A side's mapped normal, outward from that side.
+// The mapped normal of a side, outward from that side.
 fn mapped(front: bool, place: Place, axes: Basis) -> vec3f {
     if (front) {
         return front_mapped(place, axes);

@@ -1,7 +1,7 @@
-//! The render passes, a file each with its WGSL beside it: shadow (only with a sun that casts), sky (only with a dome),
-//! transfer (only where the scene has one, and only when its light changes), main, grass (drawn within main, only where
-//! there is some), tonemap; motion (only when a caller asks for motion vectors); and what shadow, main and motion share
-//! where branches bend.
+//! The render passes. Each has a file, with its WGSL in a file beside it: shadow (only with a sun that casts shadows),
+//! sky (only with a dome), transfer (only where the scene has one, and only when its light changes), main, grass (drawn
+//! within main, only in scenes with grass), tonemap, and motion (only when a caller asks for motion vectors). `bend` is
+//! shared by shadow, main and motion where branches bend.
 
 pub(crate) mod bend;
 pub(crate) mod fullscreen;

@@ -1,5 +1,5 @@
-//! Motion vectors: how far what every pixel shows has moved in the picture since an earlier time and camera. Made only
-//! when someone asks for them; no other pass knows of them.
+//! Motion vectors: how far the surface in every pixel has moved in the picture since an earlier time and camera. They
+//! are made only on request, and no other pass depends on them.
 
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
@@ -13,7 +13,7 @@ use crate::stats::Stats;
 use crate::variant::Variant;
 use std::collections::HashMap;
 
-/// What the shader is told of the two cameras.
+/// The two cameras for the shader.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Cameras {
@@ -25,15 +25,15 @@ pub(crate) struct Cameras {
 pub(crate) struct MotionPass {
     cameras: wgpu::Buffer,
     group: wgpu::BindGroup,
-    /// Both times of what moves, where anything does.
+    /// The bend at both times, where anything moves.
     bend: Option<BendPass>,
-    /// By whether a mask cuts the outline, and whether something moves the vertices.
+    /// The pipelines, by whether a mask cuts the outline and whether something moves the vertices.
     pipelines: HashMap<(bool, bool), wgpu::RenderPipeline>,
     mask_layout: wgpu::BindGroupLayout,
 }
 
 impl MotionPass {
-    /// Makes what the batches of a scene need.
+    /// Makes the pipelines and groups that the batches of a scene need.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, drawn: Drawn<'_>, stats: &mut Stats) -> MotionPass {
         let cameras = gpu.uniform("cameras of motion", &[Cameras::default()]);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -102,7 +102,7 @@ impl MotionPass {
         drawing(gpu, Drawing { label: "motion", layout: &layout, vertex, fragment, primitive, msaa: 1, solid: true })
     }
 
-    /// Takes over the cameras, and the wind at the picture's time and at the earlier one.
+    /// Takes over the cameras, and the wind at the picture's time and at the earlier time.
     pub(crate) fn aim(
         &self,
         gpu: &Gpu,
@@ -117,7 +117,7 @@ impl MotionPass {
         }
     }
 
-    /// Draws into a target of pixels (x, y, 0, 1) that holds zeros where nothing is drawn.
+    /// Draws into a target of pixels (x, y, 0, 1), which is 0 where nothing is drawn.
     pub(crate) fn draw(
         &self,
         gpu: &Gpu,

@@ -3,14 +3,14 @@
 struct Cameras {
     now: mat4x4f,
     before: mat4x4f,
-    // Half the picture's width and height in pixels; the second is negative, because rows count downwards.
+    // Half the picture's width and height in pixels. The second is negative, because rows count downwards.
     half_size: vec4f,
 }
 
 @group(0) @binding(0) var<uniform> cameras: Cameras;
 struct Varying {
     @builtin(position) position: vec4f,
-    // The same point in either camera's clip space. Both are linear over a triangle.
+    // The same point in the clip space of both cameras. Both values are linear over a triangle.
     @location(0) now: vec4f,
     @location(1) before: vec4f,
     //#if MASK

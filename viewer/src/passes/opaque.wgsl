@@ -1,6 +1,6 @@
-// Bark, ground: one colour, diffuse, and nothing comes through. Its inside is black.
+// Bark and ground: diffuse surfaces of one colour that transmit nothing. The inside is black.
 
-// Reflectance.
+// The reflectance.
 @group(1) @binding(0) var<uniform> albedo: vec4f;
 
 @fragment

@@ -1,4 +1,4 @@
-// What a pass reads that needs no more of a surface than where it is: `shadow.wgsl` and `motion.wgsl` follow it.
+// The vertex data of passes that need only the place of a surface. `shadow.wgsl` and `motion.wgsl` follow it.
 
 //#if MASK
 @group(1) @binding(0) var mask: texture_2d<f32>;
@@ -21,14 +21,14 @@ struct Vertex {
     //#endif
 }
 
-// Where the vertex stands at rest, in world space.
+// The place of the vertex at rest, in world space.
 fn at_rest(in: Vertex) -> vec3f {
     let p = vec4f(in.position, 1.0);
     return vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
 }
 
 //#if BEND
-// Where it stands at one of the times that are held.
+// Its place at one of the times that are stored.
 fn stands_at(time: u32, in: Vertex) -> vec3f {
     var number = 0u;
     //#if SECTIONS

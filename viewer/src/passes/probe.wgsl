@@ -1,4 +1,5 @@
-// Writes what the vertex stage's `bent` makes of vertices, so that it can be compared with another computation.
+// Applies the vertex stage's `bent` to vertices and stores the results, so that a test can compare them with another
+// computation.
 
 struct Probe {
     ride: vec4f,

@@ -1,7 +1,7 @@
-//! Shadows of the sun's disk: N orthographic depth maps for N directions spread evenly over the disk (Vogel's spiral);
-//! the main pass averages N comparisons, which converges to the visible share of the disk: a true soft shadow, with the
-//! penumbra's width following from the disk's radius. The maps are drawn once and kept until the sun or the geometry
-//! changes.
+//! Shadows of the sun's disk: N orthographic depth maps for N directions that are spread evenly over the disk (Vogel's
+//! spiral). The main pass averages N comparisons. With N this converges to the visible share of the disk, which is a
+//! true soft shadow: the disk's radius determines the width of the penumbra. The maps are drawn once, and again only
+//! when the sun or the geometry changes.
 
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
@@ -14,32 +14,33 @@ use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3, Vec4};
 
-/// WGSL of a vertex and its mask, put between the bend and the own of a pass that draws outlines alone.
+/// WGSL of a vertex and its mask. It stands between the source of the bend and the source of a pass that draws outlines
+/// only.
 pub(crate) const OUTLINE: &str = include_str!("outline.wgsl");
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Uniforms with a dynamic offset lie this far apart on every adapter.
+/// Distance of uniforms with a dynamic offset, which suits every adapter.
 const STRIDE: usize = 256;
 
 pub(crate) struct ShadowPass {
     layers: Vec<wgpu::TextureView>,
     pub map: wgpu::TextureView,
     pub sampler: wgpu::Sampler,
-    /// One matrix a layer, packed, for the main pass.
+    /// One matrix for each layer, packed, for the main pass.
     pub matrices: wgpu::Buffer,
     light_group: wgpu::BindGroup,
     light_buffer: wgpu::Buffer,
-    /// Pipelines without and with a mask; each for what stands still and for what bends.
+    /// The pipelines without and with a mask, each for still and for bending meshes.
     opaque: [Option<wgpu::RenderPipeline>; 2],
     masked: [Option<wgpu::RenderPipeline>; 2],
     mask_layout: Option<wgpu::BindGroupLayout>,
-    /// Mask groups in the batches' order.
+    /// The groups of masks, in the order of the batches.
     mask_groups: Vec<Option<wgpu::BindGroup>>,
     resolution: u32,
     drawn: bool,
 }
 
-/// Directions to the sun's disk: the centre alone, or `n` points that each stand for an equal share of it.
+/// Directions to the sun's disk: the centre alone, or `n` points that each represent the same share of it.
 pub(crate) fn disk_directions(sun: &Sun, n: u32) -> Vec<Vec3> {
     let centre = sun.direction.normalize();
     if n == 1 || sun.radius == 0.0 {
@@ -56,14 +57,13 @@ pub(crate) fn disk_directions(sun: &Sun, n: u32) -> Vec<Vec3> {
         .collect()
 }
 
-/// The tightest orthographic matrix around `corners` as seen along `direction`, and the longer side of one of its
-/// texels.
+/// The tightest orthographic matrix around `corners` as seen along `direction`, and the longer side of its texels.
 fn light_matrix(direction: Vec3, corners: &[Vec3], resolution: u32) -> (Mat4, f32) {
     let (x, y) = direction.any_orthonormal_pair();
     let place = |p: Vec3| Vec3::new(p.dot(x), p.dot(y), -p.dot(direction));
     let first = corners.first().copied().map_or(Vec3::ZERO, place);
     let (low, high) = corners.iter().map(|p| place(*p)).fold((first, first), |(l, h), p| (l.min(p), h.max(p)));
-    // A rim of two texels keeps the filter inside, and a little depth keeps flat scenes from a range of zero.
+    // A rim of two texels keeps the filter inside the map. A little extra depth avoids a range of zero for flat scenes.
     let size = (high - low).max(Vec3::splat(1e-3));
     let margin =
         Vec3::new(size.x * 2.0 / resolution as f32, size.y * 2.0 / resolution as f32, 0.02 * size.max_element());
@@ -75,7 +75,7 @@ fn light_matrix(direction: Vec3, corners: &[Vec3], resolution: u32) -> (Mat4, f3
     (Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(), size.x.max(size.y) / resolution as f32)
 }
 
-/// Matrices of all layers and the largest texel's side (mm).
+/// The matrices of all layers, and the longest side of a texel (mm).
 fn light_matrices(sun: &Sun, corners: &[Vec3], layers: u32, resolution: u32) -> (Vec<Mat4>, f32) {
     let all: Vec<(Mat4, f32)> =
         disk_directions(sun, layers).into_iter().map(|d| light_matrix(d, corners, resolution)).collect();
@@ -92,7 +92,7 @@ fn spaced(matrices: &[Mat4]) -> Vec<u8> {
 }
 
 impl ShadowPass {
-    /// Makes the maps, and the pipelines that its casters need; also returns a texel's side (mm).
+    /// Makes the maps, and the pipelines that the casters need. Also returns the side of a texel (mm).
     pub(crate) fn new(
         gpu: &Gpu,
         scene: &Scene,
@@ -104,8 +104,8 @@ impl ShadowPass {
     ) -> (ShadowPass, f32) {
         let device = &gpu.device;
         let (layers, resolution) = (scene.shadow_samples, scene.shadow_resolution);
-        // wgpu's GL backend takes one square layer for a plain texture and multiples of six for cubes: a spare layer
-        // avoids both.
+        // The GL backend of wgpu makes a plain texture from one square layer, and cubes from multiples of six. A spare
+        // layer avoids both.
         let spare = u32::from(gpu.is_gl() && (layers == 1 || layers.is_multiple_of(6)));
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("shadow maps"),
@@ -187,13 +187,13 @@ impl ShadowPass {
         (pass, texel)
     }
 
-    /// Binds the leaves' masks anew, after a leaf was uploaded again.
+    /// Binds the leaves' masks again, after a leaf was uploaded again.
     pub(crate) fn bind_masks(&mut self, gpu: &Gpu, drawn: Drawn<'_>, samplers: &Samplers) {
         let group = |material| mask_group(gpu, self.mask_layout.as_ref()?, material, samplers);
         self.mask_groups = drawn.iter().map(|(_, _, material)| group(material)).collect();
     }
 
-    /// Moves the sun: the maps are drawn again with the next picture. Returns a texel's side (mm).
+    /// Moves the sun. The maps are drawn again with the next picture. Returns the side of a texel (mm).
     pub(crate) fn set_sun(&mut self, gpu: &Gpu, sun: &Sun, corners: &[Vec3]) -> f32 {
         let (matrices, texel) = light_matrices(sun, corners, self.layers.len() as u32, self.resolution);
         gpu.queue.write_buffer(&self.light_buffer, 0, &spaced(&matrices));
@@ -202,13 +202,13 @@ impl ShadowPass {
         texel
     }
 
-    /// Forgets the drawn maps, so that drawing them can be timed.
+    /// Marks the maps as not drawn, so that drawing them can be timed.
     pub(crate) fn forget(&mut self) {
         self.drawn = false;
     }
 
-    /// Draws the maps, whose texels have the side `texel` (mm), unless they are still true. `times` brackets the layers
-    /// with two timestamps.
+    /// Draws the maps, whose texels have the side `texel` (mm), unless they are still valid. `times` records a
+    /// timestamp before and after the layers.
     pub(crate) fn draw(
         &mut self,
         texel: f32,
@@ -277,7 +277,7 @@ impl ShadowPass {
     }
 }
 
-/// A leaf's mask for a pass that only cuts outlines; `None` for a material without one.
+/// A leaf's mask for a pass that only needs outlines; `None` for a material without one.
 pub(crate) fn mask_group(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,

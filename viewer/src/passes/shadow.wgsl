@@ -1,4 +1,4 @@
-// Depth along one direction of the sun's disk, orthographic.
+// Depth along one direction of the sun's disk, in an orthographic projection.
 
 @group(0) @binding(0) var<uniform> to_light: mat4x4f;
 struct Varying {

@@ -1,6 +1,7 @@
-// One side's maps and what they say. Assembled twice: `$side` is `front` or `back`, `$n` the side's number and `$-` a
-// minus on the back alone. The back's camera looks from behind: its right is against the mesh's tangent, its up along
-// the bitangent, its z against the normal, so that x and z change their sign.
+// The maps of one side and the functions that read them. It is assembled twice: `$side` becomes `front` or `back`, `$n`
+// the side's number, and `$-` a minus sign on the back only. The back's camera looks from behind. Its right is opposite
+// to the mesh's tangent, its up is along the bitangent, and its z is opposite to the normal. So x and z change their
+// sign.
 
 //#if CURVE
 @group(1) @binding($n0) var $side_curve: texture_2d<f32>;
@@ -16,8 +17,8 @@
 //#if NORMAL
 @group(1) @binding($n5) var $side_normal: texture_2d<f32>;
 //#endif
-// Light that enters the side and comes out of the other, as vectors whose product with the light's direction (or the
-// bent one) in the side's frame is f (or, a layer a channel, ρt·f).
+// Light that enters this side and leaves by the other, as vectors. The product of such a vector with the light's
+// direction in the side's frame (bent, for the bent basis) is f. With a layer for each channel it is ρt·f.
 //#if COLOUR
 @group(1) @binding($n6) var $side_translucency: texture_2d_array<f32>;
 //#else
@@ -76,7 +77,7 @@ fn $side_gloss_at(place: Place) -> vec4f {
 
 //#if SUN
 //#if TRANSLUCENCY
-// max(0, f)·ρt, or what stands for both; `omega` is the light's direction in the front's frame.
+// max(0, f)·ρt, or the colour map's value for both. `omega` is the light's direction in the front's frame.
 fn $side_through(place: Place, omega: vec3f, transmittance: vec3f) -> vec3f {
     let own = vec3f($-omega.x, omega.y, $-omega.z);
     //#if COLOUR

@@ -1,5 +1,5 @@
-//! The sky seen behind the leaves: drawn first in the main pass, by a pipeline of its own, and only where the scene has
-//! a dome.
+//! The sky that is seen behind the leaves. It is drawn first in the main pass by a pipeline of its own, and only where
+//! the scene has a dome.
 
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
@@ -27,8 +27,8 @@ pub(crate) struct SkyPass {
     group: wgpu::BindGroup,
 }
 
-/// Angle of a pixel (rad), and vectors of which corner + x·right + y·down is the way of the ray through a place (pixels)
-/// of a picture of this size.
+/// Angle of a pixel (rad), and three vectors for a picture of this size: the ray through a place (pixels) has the
+/// direction corner + x·right + y·down.
 pub(crate) fn pixel_rays(camera: &Camera, size: [u32; 2]) -> (f32, [Vec3; 3]) {
     let forward = (camera.target - camera.eye).normalize();
     let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / size[1] as f32;
@@ -52,7 +52,7 @@ impl SkyPass {
                 count: None,
             }],
         });
-        // Drawn first: the leaves cover it.
+        // The sky is drawn first, so the leaves cover it.
         let depth = wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(false),
@@ -81,7 +81,7 @@ impl SkyPass {
         SkyPass { pipeline, uniform, group }
     }
 
-    /// What this frame sees of it.
+    /// Takes over the camera and the lights of this frame.
     pub(crate) fn aim(
         &self,
         gpu: &Gpu,
@@ -93,7 +93,7 @@ impl SkyPass {
     ) {
         let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
         let (pixel, [corner, right, down]) = pixel_rays(camera, size);
-        // Radiance of a disk that gives its irradiance: E/(π sin²r).
+        // Radiance of a disk with this irradiance: E/(π sin²r).
         let radius = sun.map_or(0.0, |s| s.radius);
         let share = std::f32::consts::PI * radius.sin() * radius.sin();
         let disk = sun.filter(|_| share > 0.0).map_or([0.0; 3], |s| s.irradiance.map(|e| (e / share).min(6e4)));

@@ -1,10 +1,10 @@
-//! The tone map: radiance to 8-bit sRGB (exposure, Reinhard a channel, IEC 61966-2-1).
+//! The tone map from radiance to 8-bit sRGB: exposure, Reinhard's curve for each channel, IEC 61966-2-1.
 
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
 use crate::stats::Stats;
 
-/// Encoded in the shader, so that the rounding is the same on every adapter.
+/// The shader does the encoding, so that rounding is the same on every adapter.
 pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 pub(crate) struct TonemapPass {

@@ -1,4 +1,4 @@
-// Radiance to an 8-bit picture: exposure, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1).
+// From radiance to an 8-bit picture: exposure, Reinhard x/(1 + x) for each channel, sRGB encoding (IEC 61966-2-1).
 
 @group(0) @binding(0) var radiance: texture_2d<f32>;
 @group(0) @binding(1) var<uniform> exposure: vec4f;

@@ -1,5 +1,5 @@
-//! The light that arrives at the anchors of a scene with a transfer: operator times light, on the adapter, each time
-//! that the light changes and at no other time.
+//! The light that arrives at the anchors of a scene with a transfer: operator times light. The adapter computes it when
+//! the light changes, and at no other time.
 
 use crate::dome::{harmonic, norm};
 use crate::gpu::Gpu;
@@ -7,9 +7,9 @@ use crate::scene::{Dome, Scene, Sun, Transfer};
 use crate::stats::Stats;
 use std::f64::consts::PI;
 
-/// Operators and what arrives through them.
+/// The operators, and the light that arrives through them.
 pub(crate) struct TransferPass {
-    /// A row each; the main pass reads it.
+    /// The light of each row, which the main pass reads.
     pub arriving: wgpu::Buffer,
     light: wgpu::Buffer,
     group: wgpu::BindGroup,
@@ -17,11 +17,11 @@ pub(crate) struct TransferPass {
     rows: u32,
     bands: Option<usize>,
     scale: f32,
-    /// What `arriving` was worked out from.
+    /// The light from which `arriving` was computed.
     now: Vec<[[f32; 4]; 2]>,
 }
 
-/// Sky and sun as a transfer takes them.
+/// Sky and sun, as a transfer uses them.
 #[derive(Clone, Copy)]
 pub(crate) struct Lit<'a> {
     pub sky: Option<[f32; 3]>,
@@ -34,9 +34,9 @@ impl<'a> Lit<'a> {
         Lit { sky: scene.sky, dome: scene.dome.as_ref(), sun: scene.sun.as_ref() }
     }
 
-    /// Two colours a column: of sky and sun together, and of the sky alone.
+    /// Two colours for each column: that of sky and sun together, and that of the sky alone.
     fn columns(&self, bands: Option<usize>, scale: f32) -> Vec<[[f32; 4]; 2]> {
-        // The scene's own light is in the entries.
+        // The entries already contain the scene's own light.
         let Some(bands) = bands else { return vec![[[scale; 4], [0.0; 4]]] };
         let sun = |k: usize| {
             let (l, m) = order(k);
@@ -65,7 +65,8 @@ fn order(k: usize) -> (usize, isize) {
     (l, k as isize - (l * (l + 1)) as isize)
 }
 
-/// Entries as four half floats each. The rows of harmonics get the factors that the shader's recurrence leaves out.
+/// The entries as four half floats each. Rows of harmonics are multiplied by the factors that the shader's recurrence
+/// leaves out.
 fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
     let columns = columns(transfer);
     let mut factors = vec![1f32; transfer.entries.len() / columns];
@@ -87,13 +88,13 @@ fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
         .collect()
 }
 
-/// Columns of a transfer.
+/// Number of columns of a transfer.
 pub(crate) fn columns(transfer: &Transfer) -> usize {
     transfer.bands.map_or(1, |bands| bands * bands)
 }
 
 impl TransferPass {
-    /// Uploads the operators and works out what arrives; `None` for a scene without a transfer.
+    /// Uploads the operators and computes the light that arrives; `None` for a scene without a transfer.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<TransferPass> {
         use wgpu::BufferUsages as Use;
         let transfer = scene.transfer.as_ref()?;
@@ -165,7 +166,7 @@ impl TransferPass {
         Some(pass)
     }
 
-    /// Works out anew what arrives, where the light is another one.
+    /// Computes the light that arrives again if the light has changed.
     pub(crate) fn set_light(&mut self, gpu: &Gpu, lit: &Lit, stats: &mut Stats) {
         let columns = lit.columns(self.bands, self.scale);
         if columns == self.now {

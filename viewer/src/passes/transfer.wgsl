@@ -1,10 +1,11 @@
-// What arrives at every anchor: a row is the sum of its entries times the light, column by column.
+// The light that arrives at every anchor: each row is the sum of its entries times the light, over the columns.
 
-// Columns in x, rows in y.
+// x: number of columns, y: number of rows.
 @group(0) @binding(0) var<uniform> size: vec4u;
-// Four half floats an entry: by way of other surfaces (red, green, blue), and straight from the sky.
+// Four half floats in each entry: light by way of other surfaces (red, green, blue), and light straight from the sky.
 @group(0) @binding(1) var<storage, read> entries: array<vec2u>;
-// Of each column: what comes by way of other surfaces is of sky and sun, what comes straight of the sky alone.
+// The light of each column, in two colours. Entries by way of other surfaces take that of sky and sun; straight entries
+// take that of the sky alone.
 @group(0) @binding(2) var<storage, read> light: array<vec4f>;
 @group(0) @binding(3) var<storage, read_write> arriving: array<vec4f>;
 

@@ -1,4 +1,4 @@
-//! Takes over changes of a scene that was set: of its lights, its time and its materials.
+//! Takes over changes of the scene that is set: changes of its lights, its time and its materials.
 
 use super::Renderer;
 use crate::error::Result;
@@ -11,9 +11,9 @@ use crate::validate;
 use crate::variant::{Variant, shadow_layers};
 
 impl Renderer {
-    /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were; moving
-    /// the sun redraws the shadow maps, all else is free. A light that appears or goes reloads the scene, since other
-    /// maps are needed then.
+    /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were. A sun
+    /// that moves makes the shadow maps be drawn again; all other changes cost nothing. A light that appears or
+    /// disappears reloads the scene, because other maps are needed then.
     pub fn set_lights(&mut self, scene: &Scene) -> Result<()> {
         let same = self.loaded.as_ref().is_some_and(|l| {
             l.sun.is_some() == scene.sun.is_some()
@@ -53,8 +53,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes over another time of `wind`, which is otherwise as it was: branches and what rides on them move, and
-    /// shadows with them.
+    /// Takes over another time of `wind`, which must not change otherwise. Branches, everything that rides on them, and
+    /// their shadows move.
     pub fn set_time(&mut self, wind: &Wind) {
         let Some(loaded) = &mut self.loaded else { return };
         if let Some(grass) = &mut loaded.grass {
@@ -69,8 +69,8 @@ impl Renderer {
         }
     }
 
-    /// Takes over a change of material `index`, with meshes, masks and instances as they were. Only what the change
-    /// touched is uploaded: a curve where a slider moved a curve, and no map that is as it was.
+    /// Takes over a change of material `index`, with meshes, masks and instances as they were. Only changed data are
+    /// uploaded: where a slider moves a curve, the curve, and no map that is unchanged.
     ///
     /// # Errors
     /// As [`Renderer::set_scene`].

@@ -1,4 +1,4 @@
-//! What is measured of a scene that was set, besides its pictures: times, bent vertices, lengths of shaders.
+//! Measurements of the scene that is set, besides its pictures: times, bent vertices, lengths of shaders.
 
 use super::Renderer;
 use crate::bend::Moved;
@@ -19,7 +19,7 @@ impl Renderer {
             shadow.forget();
         }
         for i in 0..=frames {
-            // Shadow maps are drawn in the frame that warms up, and kept from then on.
+            // Shadow maps are drawn in the first frame, which warms up, and are kept from then on.
             let first = u32::from(i > 0 || self.loaded.as_ref().is_none_or(|l| l.shadow.is_none()));
             let start = Instant::now();
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
@@ -46,12 +46,11 @@ impl Renderer {
         Ok(timing)
     }
 
-    /// Where the vertex stage puts the vertices of instance `index` of `scene`, which must be the one that was set:
-    /// position, normal and tangent each, in world space, computed by the same shader function that pictures are drawn
-    /// with.
+    /// The positions, normals and tangents of instance `index` after the vertex stage, in world space. `scene` must be
+    /// the one that is set. The same shader function computes them as for pictures.
     ///
     /// # Errors
-    /// `Scene` where nothing bends the instance or nothing was set, `Readback`.
+    /// `Scene` where nothing bends the instance or no scene is set, `Readback`.
     pub fn bent_vertices(&self, scene: &Scene, index: usize) -> Result<Vec<[Vec3; 3]>> {
         let bend = self.loaded.as_ref().and_then(|l| l.bend.as_ref());
         let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| Moved::of(i).any())) else {
@@ -72,8 +71,8 @@ impl Renderer {
         bend.probe(&self.gpu, instance, &vertices)
     }
 
-    /// Operations of the fragment shader that material `index` of `scene` is drawn with (see `operations`): a figure
-    /// to compare shaders by. `None` for a material that stands nowhere.
+    /// Number of operations in the fragment shader of material `index` of `scene` (see `operations`), a figure for
+    /// comparing shaders. `None` for a material without an instance.
     pub fn operations(&self, scene: &Scene, index: usize) -> Option<usize> {
         let instance = *scene.instances.iter().find(|i| i.material == index)?;
         crate::operations::count(&crate::passes::main::source(&Variant::new(&self.gpu, scene, &[instance])?))

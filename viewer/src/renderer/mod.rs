@@ -1,4 +1,5 @@
-//! The renderer: a scene in, pictures and times out. It creates and uploads only what the scene needs, and counts it.
+//! The renderer takes a scene and returns pictures and times. It creates and uploads only what the scene needs, and
+//! counts it.
 
 mod change;
 mod measure;
@@ -30,7 +31,7 @@ use glam::Vec3;
 use std::sync::Arc;
 use targets::TargetSet;
 
-/// Draws scenes. One at a time: `set_scene`, then any number of pictures.
+/// Draws scenes, one at a time: first `set_scene`, then any number of pictures.
 pub struct Renderer {
     gpu: Gpu,
     samplers: Samplers,
@@ -44,7 +45,7 @@ pub struct Renderer {
 
 /// A scene on the adapter.
 struct Loaded {
-    /// By the scene's indices; `None` for what stands nowhere.
+    /// By the scene's indices; `None` for meshes and materials without an instance.
     meshes: Vec<Option<MeshOnGpu>>,
     materials: Vec<Option<MaterialOnGpu>>,
     batches: Vec<Batch>,
@@ -53,7 +54,7 @@ struct Loaded {
     seen_sky: Option<SkyPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
-    /// Made when motion vectors are first asked for.
+    /// Made when motion vectors are requested for the first time.
     motion: Option<MotionPass>,
     transfer: Option<TransferPass>,
     sun_shares: Option<Arc<Vec<u8>>>,
@@ -101,7 +102,7 @@ impl Renderer {
         }
     }
 
-    /// Who draws.
+    /// The adapter that draws.
     pub fn adapter(&self) -> &AdapterInfo {
         &self.gpu.info
     }
@@ -111,11 +112,11 @@ impl Renderer {
         &self.stats
     }
 
-    /// Uploads what `scene` needs and makes the pipelines it needs; replaces the scene before it.
+    /// Uploads everything that `scene` needs, and makes the pipelines that it needs. It replaces the previous scene.
     ///
     /// # Errors
-    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter: the scene before stays then.
-    /// `Device` where the adapter runs out of memory or refuses a shader: no scene is left then.
+    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter; the previous scene then stays.
+    /// `Device` where the adapter runs out of memory or refuses a shader; then no scene is left.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
         validate::scene(&self.gpu, scene)?;
         let guard = self.gpu.guard();
@@ -200,7 +201,7 @@ impl Renderer {
         Ok(Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? })
     }
 
-    /// Draws what the scene's scanner sees.
+    /// Draws the picture of the scene's scanner.
     ///
     /// # Errors
     /// As [`Renderer::render`], and `Scene` where there is no scanner.
@@ -212,7 +213,7 @@ impl Renderer {
                 expected: "a scene with a scanner".into(),
             });
         }
-        // The scanner's own camera is taken; this one only has to look somewhere.
+        // The picture uses the scanner's own camera. This one only has to be valid.
         let camera = Camera { eye: 1e3 * Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_y_deg: 30.0 };
         self.render(&camera, width, height)
     }
@@ -309,12 +310,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// What draws.
+    /// The device that draws.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Draws a frame and leaves it on the adapter, for a program that shows it: the tone-mapped picture.
+    /// Draws a frame and leaves the tone-mapped picture on the adapter, for a program that shows it.
     ///
     /// # Errors
     /// As [`Renderer::render`].

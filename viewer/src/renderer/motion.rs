@@ -1,4 +1,4 @@
-//! Motion vectors of a scene that was set.
+//! Motion vectors of the scene that is set.
 
 use super::Renderer;
 use crate::error::{Error, Result};
@@ -11,11 +11,11 @@ use crate::thin::Seen;
 use crate::validate;
 
 impl Renderer {
-    /// How far what each pixel of the picture shows has moved since it was seen by `earlier` when the wind was
-    /// `before`, in pixels to the right and down; row-major, row 0 on top. `None` where nothing is drawn. A point that
-    /// was hidden or outside the earlier picture has a vector too. `scene` must be the one that was set, at the time
-    /// that was set last. The sky has no vectors, and what a lawn covers has that of what stands behind it. Vectors are
-    /// held as radiance is: in single precision, or in half precision where the adapter draws no better.
+    /// The movement of every pixel's surface since it was seen by `earlier`, when the wind was `before`: pixels to the
+    /// right and down, row by row, row 0 on top. `None` where nothing is drawn. A point that was hidden or outside the
+    /// earlier picture has a vector too. `scene` must be the one that is set, at the time that was set last. The sky
+    /// has no vectors. A pixel that a lawn covers has the vector of what stands behind the lawn. Vectors have the
+    /// precision of radiance: single, or half where the adapter cannot draw better.
     ///
     /// # Errors
     /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, for a scanner, or where no
@@ -41,7 +41,7 @@ impl Renderer {
         };
         let guard = self.gpu.guard();
         let gpu = &self.gpu;
-        // What is drawn, and how large, is chosen as for the picture.
+        // The same instances are drawn, at the same sizes, as in the picture.
         let seen = Seen::new(camera, [width, height], true);
         for batch in &mut loaded.batches {
             batch.levels.arrange(gpu, &seen, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
