@@ -1,9 +1,9 @@
-//! Puts a pass's WGSL together for what a scene needs: lines between `//#if NAME` (or `!NAME`) and `//#endif` stay only
-//! where the name is set, so that code, bindings and textures of an absent sun, sky or gloss do not exist at all.
+//! Assembles the WGSL of a pass for what a scene needs. Lines between `//#if NAME` (or `!NAME`) and `//#endif` stay
+//! only where the name is set. So the code, bindings and textures of an absent sun, sky or gloss do not exist.
 
 use crate::scene::Side;
 
-/// The names that are set and the constants that are put in front.
+/// The names that are set, and the constants that are put in front of the source.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Defines {
     names: Vec<&'static str>,
@@ -31,7 +31,7 @@ impl Defines {
     }
 }
 
-/// What is written once for both sides, for one of them: see `passes/side.wgsl`.
+/// Makes one side's source from source that is written once for both sides: see `passes/side.wgsl`.
 pub(crate) fn of_side(source: &str, side: Side) -> String {
     let (number, minus) = match side {
         Side::Front => ("1", ""),
@@ -40,7 +40,7 @@ pub(crate) fn of_side(source: &str, side: Side) -> String {
     source.replace("$side", side.name()).replace("$n", number).replace("$-", minus)
 }
 
-/// Assembles `source`. Conditions nest; `||` joins names.
+/// Assembles `source`. Conditions may be nested, and `||` joins names.
 pub(crate) fn assemble(source: &str, defines: &Defines) -> String {
     let mut out = String::with_capacity(source.len());
     for (name, value) in &defines.constants {

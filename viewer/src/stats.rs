@@ -1,28 +1,28 @@
-//! What was really created, uploaded and drawn, counted where it happens, so that "left out" can be proved.
+//! Counts what is created, uploaded and drawn at the place where it happens. This proves that something was left out.
 
 /// One upload to the adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Upload {
-    /// For instance `leaf 0 front gloss`.
+    /// Name of the upload, for instance `leaf 0 front gloss`.
     pub name: String,
-    /// As they lie in the adapter's memory.
+    /// Number of bytes in the adapter's memory.
     pub bytes: u64,
 }
 
-/// Counts since the last `set_scene`, except `draws`, `shadow_renders` and `transfers`, which count on.
+/// Counts since the last `set_scene`. Only `draws`, `shadow_renders` and `transfers` are not reset there.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stats {
-    /// Names of the render pipelines in use, in order of need.
+    /// Names of the render pipelines in use, in the order in which they were needed.
     pub pipelines: Vec<String>,
-    /// In the order in which they happened.
+    /// The uploads, in the order in which they happened.
     pub uploads: Vec<Upload>,
     /// Draw calls since the renderer was made.
     pub draws: u64,
-    /// Triangles in the last picture's leaves and wood, instances counted each.
+    /// Triangles of leaves and wood in the last picture. Every instance counts.
     pub triangles: u64,
-    /// Times the shadow maps were drawn since the renderer was made: once per sun and geometry.
+    /// How often the shadow maps were drawn since the renderer was made: once for each sun and geometry.
     pub shadow_renders: u64,
-    /// Times the transfer's light was worked out since the renderer was made: once a light.
+    /// How often the transfer's light was computed since the renderer was made: once for each light.
     pub transfers: u64,
 }
 
@@ -37,12 +37,12 @@ impl Stats {
         }
     }
 
-    /// All bytes uploaded.
+    /// Number of all bytes uploaded.
     pub fn bytes(&self) -> u64 {
         self.uploads.iter().map(|u| u.bytes).sum()
     }
 
-    /// Whether something with this in its name was uploaded.
+    /// Whether anything with this in its name was uploaded.
     pub fn uploaded(&self, part: &str) -> bool {
         self.uploads.iter().any(|u| u.name.contains(part))
     }

@@ -1,25 +1,26 @@
-//! What of many leaves and plants a picture needs: nothing outside the view, and of leaves smaller than a few pixels
-//! fewer and larger ones, so that they cover as much (Cook, Halstead, Planck & Ryu 2007, "Stochastic simplification of
-//! aggregate detail"). Chosen on the CPU for each picture, an instance at a time.
+//! Chooses which of many leaves and plants a picture needs. Nothing outside the view is drawn. Of leaves smaller than a
+//! few pixels, fewer but larger ones are drawn, so that they cover the same area (Cook, Halstead, Planck & Ryu 2007,
+//! "Stochastic simplification of aggregate detail"). The CPU chooses for each picture and each instance.
 
 use crate::scene::Camera;
 use glam::Vec3;
 
-/// Leaves of this diameter in the picture (pixels) are all drawn: that of the ball around the leaf, its longest extent.
+/// Leaves whose ball has at least this diameter in the picture (pixels) are all drawn. The ball's diameter is the
+/// leaf's longest extent.
 const WIDE: f32 = 1.5;
-/// Fewer leaves than this, of one mesh and material, are all drawn.
+/// If there are fewer leaves than this of one mesh and material, all are drawn.
 pub(crate) const MANY: usize = 64;
-/// The last of the leaves that are kept shrink to nothing over this share of all kept, so that none vanishes at once.
+/// The last of the drawn leaves shrink to nothing over this share of all drawn ones, so that none vanishes suddenly.
 const FADE: f32 = 0.2;
 
-/// A camera, and what of the scene its picture shows.
+/// A camera, and the part of the scene that its picture shows.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Seen {
     pub eye: Vec3,
     /// Angle of a pixel (rad).
     pub pixel: f32,
-    /// Axis of sight, to the right, and up, unit vectors; half the picture's sides at a distance of 1. Nothing for
-    /// a picture that is no perspective.
+    /// Unit vectors ahead, to the right and up, and half the picture's sides at a distance of 1. `None` for a picture
+    /// without perspective.
     frustum: Option<([Vec3; 3], [f32; 2])>,
 }
 
@@ -34,7 +35,7 @@ impl Seen {
         Seen { eye: camera.eye, pixel, frustum }
     }
 
-    /// Whether any of a ball may be in the picture.
+    /// Whether any part of a ball may be in the picture.
     pub(crate) fn shows(&self, centre: Vec3, radius: f32) -> bool {
         let Some(([ahead, right, up], half)) = self.frustum else { return true };
         let to = centre - self.eye;
@@ -43,7 +44,7 @@ impl Seen {
         along >= -radius && inside(to.dot(right), half[0]) && inside(to.dot(up), half[1])
     }
 
-    /// How much larger a leaf is drawn, whose rank and ball are given; 0 where it is left out.
+    /// The factor by which a leaf with this rank and ball is drawn larger; 0 where it is left out.
     pub(crate) fn enlarged(&self, rank: f32, centre: Vec3, radius: f32) -> f32 {
         let wide = 2.0 * radius / (self.pixel * self.eye.distance(centre)).max(1e-30);
         let kept = (wide / WIDE).powi(2);
@@ -52,22 +53,22 @@ impl Seen {
         }
         let fade = (FADE * kept).min(1.0 - kept);
         let own = ((kept - rank) / fade.max(1e-6)).clamp(0.0, 1.0);
-        // Half of the fading ones' area is gone.
+        // The leaves that fade have lost half of their area.
         (own / (kept - 0.5 * fade)).sqrt()
     }
 }
 
-/// The ball (centre and radius) of an instance that is drawn `size` times as large about its origin.
+/// The ball (centre and radius) of an instance that is enlarged `size` times about its origin.
 pub(crate) fn larger(origin: Vec3, (centre, radius): (Vec3, f32), size: f32) -> (Vec3, f32) {
     (origin + size * (centre - origin), size * radius)
 }
 
-/// Leaves that follow each other, of which each share of the ranks has its share.
+/// The number of consecutive leaves among which ranks are spread evenly.
 const BLOCK: usize = 64;
 
-/// A rank from 0 to 1 for each of `count` leaves: the first to go have the highest. Each block of leaves has all ranks
-/// evenly, in an order that has nothing to do with theirs: leaves stand on a twig in a regular order, and any regular
-/// choice of them could choose one side of the twig.
+/// A rank from 0 to 1 for each of `count` leaves. Leaves with high ranks are left out first. Each block of leaves has
+/// ranks at even steps, in an order that does not follow that of the leaves. Leaves stand on a twig in a regular order,
+/// and a regular choice of them might choose one side of the twig.
 pub(crate) fn ranks(count: usize) -> Vec<f32> {
     let mut out = vec![0.0; count];
     for (block, ranks) in out.chunks_mut(BLOCK).enumerate() {
@@ -81,7 +82,7 @@ pub(crate) fn ranks(count: usize) -> Vec<f32> {
     out
 }
 
-/// As if drawn by chance (the mixing of MurmurHash3).
+/// A number that looks random (the mixing function of MurmurHash3).
 fn mixed(number: usize) -> u32 {
     let mut x = (number as u32).wrapping_add(0x9e37_79b9);
     x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
@@ -98,7 +99,7 @@ mod tests {
         Seen::new(&camera, [800, 600], true)
     }
 
-    /// Whatever the distance, the drawn leaves have the area of all; and far ones are few.
+    /// At any distance, the drawn leaves have the area of all leaves, and far away only a few are drawn.
     #[test]
     fn thinned_leaves_cover_as_much() {
         let seen = seen();
@@ -110,16 +111,17 @@ mod tests {
             let wanted = (60.0 / (seen.pixel * distance) / WIDE).powi(2).min(1.0);
             assert!((area - 1.0).abs() < 0.02, "{distance}: {area}");
             assert!((drawn / wanted - 1.0).abs() < 0.03, "{distance}: {drawn} {wanted}");
-            // Leaves a golden angle apart stay evenly around their twig.
+            // Leaves that are a golden angle apart stay evenly around their twig.
             let around = |k: usize| glam::Vec2::from_angle((2.399_963 * k as f64 % std::f64::consts::TAU) as f32);
             let pull = (0..n).map(|k| around(k) * sizes[k].powi(2)).sum::<glam::Vec2>().length() / n as f32;
-            // Four standard deviations of a choice by chance.
+            // The limit is four standard deviations of a random choice.
             let chance = 4.0 * ((1.0 - wanted) / (wanted * n as f32)).sqrt();
             assert!(pull < chance + 1e-3, "{distance}: {pull}");
         }
     }
 
-    /// A leaf that hangs at the edge of the picture beside its origin is out of it when drawn larger, and the other way.
+    /// A leaf at the edge of the picture, whose origin is beside it, may leave the picture when it is enlarged, or
+    /// enter it.
     #[test]
     fn larger_leaves_are_where_their_origin_sends_them() {
         let seen = seen();
@@ -134,7 +136,7 @@ mod tests {
         assert!(!shown(edge + 100.0, outside, 1.0) && shown(edge + 100.0, outside, 2.0));
     }
 
-    /// Balls at random against their points: what is left out has no point in the picture.
+    /// Random balls are compared with points in them: a ball that is left out has no point in the picture.
     #[test]
     fn only_what_is_outside_is_left_out() {
         let seen = seen();

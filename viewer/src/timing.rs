@@ -10,10 +10,10 @@ pub(crate) const PASSES: [&str; 3] = ["shadow", "main", "tonemap"];
 /// Times of repeated frames (ms).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Timing {
-    /// From submitting a frame to its end, with shadow maps kept: what a still sun costs a frame.
+    /// Time from submitting a frame to its end, with shadow maps that are kept, so as under a still sun.
     pub frame_ms: Vec<f64>,
-    /// Times of each pass by the adapter's own clock; empty without timestamps. `shadow` has one entry: the maps are
-    /// drawn once.
+    /// Times of each pass by the adapter's own clock; empty without timestamps. `shadow` has one entry, because the
+    /// maps are drawn once.
     pub passes: Vec<(String, Vec<f64>)>,
 }
 
@@ -68,7 +68,7 @@ impl Clock {
         }
     }
 
-    /// Records the way of the passes `first..` to memory.
+    /// Records the copy of the times of the passes `first..` to memory.
     pub(crate) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, first: u32) {
         encoder.resolve_query_set(&self.queries, 2 * first..2 * PASSES.len() as u32, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, self.readable.size());

@@ -1,5 +1,5 @@
-//! What a material's shader holds: the closure of what the scene's lights and the material need. Equal variants share a
-//! pipeline.
+//! The variants of a material's shader. A variant follows from what the scene's lights and the material need. Equal
+//! variants share a pipeline.
 
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, Bending};
@@ -7,19 +7,19 @@ use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, S
 use crate::shader::Defines;
 use mesophyll_surface::gloss::LobeKind;
 
-/// Which parts of the main pass a mesh in a material needs.
+/// The parts of the main pass that a mesh in a material needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Variant {
     pub lights: Lights,
     pub surface: Surface,
     pub msaa: u32,
-    /// The mesh has levels of detail: what is drawn may be another surface than the one in the shadow maps.
+    /// Whether the mesh has levels of detail. The drawn surface may then differ from the one in the shadow maps.
     pub levels: bool,
-    /// What moves its vertices.
+    /// What moves the vertices of the mesh.
     pub bend: Bending,
     /// How the mesh's anchors are read, where light arrives by a transfer.
     pub anchored: Option<Anchored>,
-    /// Its vertices know what they see of the sun, instead of a look into shadow maps.
+    /// Whether its vertices have shares of the sun, so that shadow maps are not needed.
     pub shares: bool,
 }
 
@@ -28,10 +28,10 @@ pub(crate) struct Variant {
 pub(crate) struct Anchored {
     pub grid: [u32; 2],
     pub rows: u32,
-    /// Of the harmonics among the rows.
+    /// Number of bands of the harmonics among the rows.
     pub bands: u32,
     pub levels: u32,
-    /// Pieces of the mesh, where there are levels.
+    /// Number of pieces of the mesh, where there are levels.
     pub pieces: u32,
 }
 
@@ -39,17 +39,17 @@ pub(crate) struct Anchored {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Lights {
     pub sun: bool,
-    /// Shadow maps; 0 without a shadow.
+    /// Number of shadow maps; 0 without shadows.
     pub shadow: u32,
-    /// A sky, constant or not.
+    /// Whether there is a sky, constant or not.
     pub sky: bool,
-    /// The sky's light differs from direction to direction: it comes as harmonics, or by a transfer.
+    /// Whether the sky's light depends on direction. It then comes as harmonics or by a transfer.
     pub dome: bool,
-    /// It arrives past and by way of other surfaces.
+    /// Whether light arrives between and by way of other surfaces.
     pub transfer: bool,
-    /// The share of the sun that vertices see is known, of some instances at least.
+    /// Whether vertices have shares of the sun, at least those of some instances.
     pub shares: bool,
-    /// A tube lights it.
+    /// Whether a tube lights the scene.
     pub scanner: bool,
 }
 
@@ -63,34 +63,34 @@ pub(crate) enum Surface {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct LeafSurface {
     pub mask: bool,
-    /// The mask is sampled where the pixel's samples are, instead of at its centre.
+    /// Whether the mask is sampled at the pixel's samples instead of at its centre.
     pub sample_mask: bool,
     pub sides: Sides<SideVariant>,
-    /// Translucency maps are looked up with the light bent towards the normal.
+    /// Whether translucency maps are evaluated for light that is bent towards the normal.
     pub bent: bool,
-    /// `None` where neither side shines.
+    /// The lobe; `None` where neither side has gloss.
     pub lobe: Option<LobeKind>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct SideVariant {
-    /// ρd and ρt a texel instead of a slab curve.
+    /// Whether each texel has its own ρd and ρt, instead of a slab curve.
     pub maps: bool,
-    /// Neither: no light of this side's interior reaches a camera.
+    /// Whether it has neither, because no light of this side's interior reaches a camera.
     pub black: bool,
     pub gloss: bool,
     pub normal: bool,
-    /// Layers of the coefficient map for the sun's light that enters this side: 0 without one, 1, or 3 for a colour.
+    /// Number of layers of the coefficient map for sunlight that enters this side: 0 without a map, 1, or 3 for colour.
     pub translucency: u32,
 }
 
-/// Shadow maps that a scene needs: none without a sun, or where all vertices know what they see of it.
+/// Number of shadow maps that a scene needs: 0 without a sun, or where all vertices have shares of it.
 pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
     let casts = scene.sun.is_some() && scene.instances.iter().any(|i| !knows_sun(scene, i));
     if casts { scene.shadow_samples } else { 0 }
 }
 
-/// Whether an instance's vertices know what they see of the sun.
+/// Whether an instance's vertices have shares of the sun.
 fn knows_sun(scene: &Scene, instance: &Instance) -> bool {
     scene.sun.is_some() && scene.sun_shares.is_some() && instance.first_share.is_some()
 }
@@ -110,7 +110,7 @@ impl Lights {
         }
     }
 
-    /// Whether any light reaches a surface: without one no map is read.
+    /// Whether any light reaches a surface. Without light no map is read.
     pub(crate) fn any(&self) -> bool {
         self.sun || self.sky || self.scanner
     }
@@ -121,7 +121,7 @@ impl LeafSurface {
         let side = |side: &SideMaps| {
             let shines = |g: &Vec<[f32; 4]>| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0);
             let gloss = lights.any() && side.gloss.as_ref().is_some_and(shines);
-            // A constant sky sees the normal only through the gloss's directional albedo.
+            // Under a constant sky, only the gloss's directional albedo depends on the normal.
             let seen = lights.sun || lights.dome || lights.scanner || (lights.sky && gloss);
             SideVariant {
                 maps: matches!(side.interior, Interior::Maps { .. }),
@@ -135,7 +135,7 @@ impl LeafSurface {
         let bends = |s: &SideMaps| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent);
         LeafSurface {
             mask: leaf.mask.is_some(),
-            // Naga writes GLSL for a sample mask that GL drivers refuse: there the outline is cut at the pixels'
+            // For a sample mask, Naga writes GLSL that GL drivers refuse. With GL the outline is cut at the pixels'
             // centres.
             sample_mask: leaf.mask.is_some() && scene.msaa > 1 && !gpu.is_gl(),
             bent: lights.sun && leaf.sides.iter().any(|(_, s)| bends(s)),
@@ -150,7 +150,7 @@ impl LeafSurface {
 }
 
 impl Variant {
-    /// For what `instances` of the scene, all of one mesh and material, need.
+    /// The variant for `instances` of the scene, which all have one mesh and one material.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, instances: &[Instance]) -> Option<Variant> {
         let first = instances.first()?;
         let lights = Lights::of(scene);
@@ -184,12 +184,12 @@ impl Variant {
         }
     }
 
-    /// Whether the vertex stage reads where the instance's rows of arriving light and shares of the sun begin.
+    /// Whether the vertex stage reads the first row of arriving light and the first share of the sun of an instance.
     pub(crate) fn begins(&self) -> bool {
         self.anchored.is_some() || self.shares
     }
 
-    /// Whether it looks into shadow maps.
+    /// Whether it reads shadow maps.
     fn shadowed(&self) -> bool {
         self.lights.shadow > 0 && !self.shares
     }
@@ -202,17 +202,17 @@ impl Variant {
         self.leaf().is_some_and(|l| l.any(|s| s.normal || s.translucency > 0))
     }
 
-    /// The gloss's directional albedo, for the sky.
+    /// Whether it needs the gloss's directional albedo, for the sky.
     pub(crate) fn albedo(&self) -> bool {
         self.lights.sky && self.leaf().is_some_and(|l| l.lobe.is_some())
     }
 
-    /// The gloss's mean direction and bands, for a dome.
+    /// Whether it needs the gloss's mean direction and bands, for a dome.
     pub(crate) fn means(&self) -> bool {
         self.lights.dome && self.albedo()
     }
 
-    /// Highlights are averaged over the pixel where the normal turns quickly across it.
+    /// Whether highlights are averaged over the pixel where the normal turns quickly across it.
     pub(crate) fn supersample(&self) -> bool {
         self.lights.sun && self.msaa > 1 && self.leaf().is_some_and(|l| l.lobe.is_some() && l.any(|s| s.normal))
     }
@@ -221,7 +221,7 @@ impl Variant {
         self.leaf().is_some_and(|l| self.lights.any() || l.mask)
     }
 
-    /// What all parts of the shader are assembled with.
+    /// The names and constants with which all parts of the shader are assembled.
     pub(crate) fn defines(&self) -> Defines {
         let lights = &self.lights;
         let defines = bend::defines(Defines::default(), &self.bend)
@@ -266,7 +266,7 @@ impl Variant {
             .set("BENT", leaf.bent)
     }
 
-    /// What a side's part of a leaf's shader is assembled with.
+    /// The names and constants with which a side's part of a leaf's shader is assembled.
     pub(crate) fn side_defines(&self, leaf: &LeafSurface, side: &SideVariant) -> Defines {
         let lit = self.lights.any();
         Defines::default()

@@ -1,4 +1,4 @@
-//! Branches in the renderer: uploaded and compiled only where something rides on one, and moved by the time.
+//! Branches in the renderer. They are uploaded and compiled only where something rides on one, and time moves them.
 
 mod common;
 
@@ -64,7 +64,7 @@ fn a_branch_without_load_is_drawn_as_it_stands_and_one_with_load_is_not() {
     let mut without = scene(0.0, 0.0);
     without.instances[0].ride = None;
     let without = draw(&mut renderer, &without);
-    // At rest the bend moves vertices by rounding alone: a pixel at an edge may turn over.
+    // At rest, the bend moves vertices only by rounding errors, so a pixel at an edge may change.
     let differing =
         level.hdr.iter().zip(&without.hdr).filter(|(a, b)| a.iter().zip(*b).any(|(x, y)| (x - y).abs() > 1e-3)).count();
     assert!(differing <= 8, "{differing} pixels");
@@ -86,7 +86,7 @@ fn time_moves_branches_and_their_shadows_and_back() {
     assert_eq!(renderer.stats().shadow_renders, shadows + 1);
     renderer.set_time(&wind(0.0));
     assert_eq!(look(&mut renderer).hdr, first.hdr);
-    // A scene set at the later time is the scene moved there.
+    // A scene that is set at the later time gives the same picture as the scene that was moved there.
     scene.wind = Some(wind(4.0));
     assert_eq!(draw(&mut renderer, &scene).hdr, second.hdr);
 }

@@ -1,4 +1,4 @@
-//! Levels of detail: fewer triangles where a leaf is small, the same picture.
+//! Levels of detail: fewer triangles where a leaf is small, with the same picture.
 
 mod common;
 
@@ -7,10 +7,11 @@ use glam::{Mat4, Vec3};
 use mesophyll_viewer::scene::{Detail, Instance, Scene};
 
 const CELLS: u32 = 16;
-/// Hollow towards the back: a chord runs below the sheet, into its shadow.
+/// The sheet is hollow towards the back, so a chord runs below the sheet, into its shadow.
 const BEND: f32 = -0.01;
 
-/// Every fourth vertex of the bent sheet: z = bend·x² leaves a chord of 5 mm by |bend|·2.5².
+/// Every fourth vertex of the bent sheet. Between two of them, z = bend·x² differs from the chord of 5 mm by
+/// |bend|·2.5².
 fn coarse() -> Detail {
     let at = |i: u32, j: u32| 4 * (j * (CELLS + 1) + i);
     let mut indices = Vec::new();
@@ -22,9 +23,10 @@ fn coarse() -> Detail {
     Detail { indices, error: BEND.abs() * 2.5 * 2.5 }
 }
 
-/// Sheets at these distances from an eye on the z axis at `EYE`, side by side; lit from the front with shadows.
+/// Height of the eye on the z axis.
 const EYE: f32 = 200.0;
 
+/// Sheets side by side at these distances from the eye, lit from the front with shadows.
 fn sheets(distances: &[f32], detail: bool) -> Scene {
     let mut mesh = bent(10.0, CELLS as usize, BEND);
     if detail {
@@ -54,14 +56,14 @@ fn a_far_leaf_takes_the_coarse_triangles_and_a_near_one_the_mesh() {
     let Some(mut renderer) = renderer() else { return };
     let camera = camera(Vec3::Z, EYE);
     let full = u64::from(2 * CELLS * CELLS);
-    // 64 pixels over 20°: half a pixel is the level's 0.0625 mm at 23 mm from the sheet's ball (radius 14 mm).
+    // 64 pixels over 20°: the level's error of 0.0625 mm is half a pixel at 23 mm from the sheet's ball (radius 14 mm).
     for (distances, want) in
         [(vec![30.0], full), (vec![45.0], full / 16), (vec![150.0, 30.0, 120.0], full + 2 * full / 16)]
     {
         renderer.set_scene(&sheets(&distances, true)).expect("scene");
         renderer.render(&camera, 96, 64).expect("picture");
         assert_eq!(renderer.stats().triangles, want, "{distances:?}");
-        // A larger picture asks for the mesh again.
+        // A larger picture needs the mesh itself again.
         renderer.render(&camera, 960, 640).expect("picture");
         let near = distances.iter().filter(|d| **d < 200.0).count() as u64;
         assert_eq!(renderer.stats().triangles, near * full, "{distances:?}");
@@ -88,8 +90,8 @@ fn levels_do_not_shade_each_other_and_show_the_same_picture() {
             }
             seen += 1;
             let (a, b) = (with.radiance(x, y)[1], without.radiance(x, y)[1]);
-            // Its own shadow on a sheet would take a quarter at least; a normal interpolated over 5 mm is 0.1 rad ·
-            // (1/4)² off at most.
+            // A shadow of the sheet on itself would take at least a quarter of the light. A normal that is interpolated
+            // over 5 mm is wrong by at most 0.1 rad · (1/4)².
             assert!((a - b).abs() < 0.02 * b, "({x}, {y}): {a} {b}");
         }
     }

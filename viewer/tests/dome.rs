@@ -1,4 +1,4 @@
-//! A sky as harmonics: where its integrals are known, the drawn radiance is that.
+//! A sky as harmonics. Where its integrals are known in closed form, the drawn radiance agrees with them.
 
 mod common;
 
@@ -8,9 +8,9 @@ use mesophyll_viewer::Renderer;
 use mesophyll_viewer::scene::{Dome, Lobe, Scene};
 use std::f64::consts::PI;
 
-/// A dome of these coefficients; what is seen of it is a grey of radiance 0.25 above the horizon and `ground` below.
+/// A dome with these coefficients. Its visible sky is a grey of radiance 0.25 above the horizon and `ground` below.
 fn dome(harmonics: Vec<[f32; 3]>) -> Dome {
-    // A = C = E = 0: both of Perez's factors are 1; Y = 0.25, and x and y those of equal energy.
+    // A = C = E = 0 makes both of Perez's factors 1. Y is 0.25, and x and y are those of equal energy.
     Dome {
         harmonics,
         perez: [[0.0; 5]; 3],
@@ -28,7 +28,7 @@ fn glossy() -> Scene {
     on_mesh(bent(10.0, 12, -0.02), leaf)
 }
 
-/// The harmonics of an even sky light a leaf exactly as the constant sky does: diffuse, through the blade and glossy.
+/// The harmonics of an even sky light a leaf exactly like the constant sky: diffuse, through the blade, and glossy.
 #[test]
 fn an_even_dome_is_the_constant_sky() {
     let Some(mut renderer) = renderer() else { return };
@@ -65,7 +65,7 @@ fn an_even_dome_is_the_constant_sky() {
     }
 }
 
-/// L = 1 + a·ω has the closed irradiance π + 2π/3 a·n, and through the blade that of the opposite normal.
+/// L = 1 + a·ω gives the irradiance π + 2π/3 a·n in closed form, and through the blade that of the opposite normal.
 #[test]
 fn a_gradient_lights_both_sides_by_its_closed_form() {
     let Some(mut renderer) = renderer() else { return };
@@ -90,9 +90,9 @@ fn a_gradient_lights_both_sides_by_its_closed_form() {
     }
 }
 
-/// The mirror image of a linear sky, by brute force over the lobe as the papers write it: Beckmann's density (Wang et
-/// al. 2005, Eq. 7) and the V-cavities of Cook and Torrance 1982. Nothing is taken from the renderer. Two bands about
-/// the lobe's mean direction are exact.
+/// The reflection of a linear sky equals an integral by brute force over the lobe as the papers write it: Beckmann's
+/// density (Wang et al. 2005, Eq. 7) and the V-cavities of Cook and Torrance 1982. The integral uses no code of the
+/// renderer. Two bands about the lobe's mean direction are exact.
 #[test]
 fn the_gloss_of_a_gradient_is_its_integral() {
     let Some(mut renderer) = renderer() else { return };
@@ -113,7 +113,7 @@ fn the_gloss_of_a_gradient_is_its_integral() {
     for view in [Vec3::new(0.1, 0.0, 1.0), Vec3::new(-0.7, 0.4, 1.0), Vec3::new(1.0, 1.0, 0.6)] {
         let picture = renderer.render(&camera(view, 400.0), 9, 9).unwrap();
         let v = unit(wide(view));
-        // Lights on a grid even in cosθ and azimuth.
+        // Directions of light on a grid that is even in cosθ and in azimuth.
         let (rings, spokes) = (300, 600);
         let mut sum = 0.0;
         for i in 0..rings {
@@ -135,8 +135,8 @@ fn the_gloss_of_a_gradient_is_its_integral() {
     }
 }
 
-/// Above the horizon the sky is seen, below it the ground; the sun's disk stands where the sun is; nothing of it counts
-/// as leaf.
+/// Above the horizon the sky is seen, and below it the ground. The sun's disk is at the sun's place. None of this
+/// counts as a leaf.
 #[test]
 fn the_sky_is_drawn_behind_the_leaves() {
     let Some(mut renderer) = renderer() else { return };
@@ -152,20 +152,20 @@ fn the_sky_is_drawn_behind_the_leaves() {
         renderer.render(&camera, 9, 9).unwrap().hdr[4 * 9 + 4]
     };
     let up = look(Vec3::new(-0.3, 0.2, 0.9));
-    // Equal energy of luminance 1/4 in linear sRGB.
+    // Equal energy with a luminance of 1/4, in linear sRGB.
     let white =
         [3.2404542 - 1.5371385 - 0.4985314, -0.969266 + 1.8760108 + 0.041556, 0.0556434 - 0.2040259 + 1.0572252];
     agree("sky", up, white.map(|v: f64| 0.25 * v), 2e-3);
     assert_eq!(up[3], 0.0);
     agree("ground", look(Vec3::new(1.0, 0.3, -0.1)), [0.02, 0.03, 0.04], 2e-3);
     assert!(look(dome.sun)[0] > 1e4, "no sun");
-    // Without a dome neither pass nor coefficients exist.
+    // Without a dome, neither the pass nor the coefficients exist.
     scene.dome = None;
     renderer.set_scene(&scene).unwrap();
     assert!(!renderer.stats().pipelines.iter().any(|p| p == "sky") && !renderer.stats().uploaded("sky"));
 }
 
-/// What contradicts itself is refused by name.
+/// A dome that contradicts itself is refused by name.
 #[test]
 fn a_wrong_dome_is_refused() {
     let Some(mut renderer) = renderer() else { return };

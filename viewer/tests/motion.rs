@@ -1,4 +1,4 @@
-//! Motion vectors against triangles that are projected twice in double precision.
+//! Motion vectors agree with triangles that are projected twice in double precision.
 
 mod common;
 
@@ -10,7 +10,8 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// A pinhole's axes: to the right, up and ahead, the first two divided by the tangent of half the picture's angle.
+/// The axes of a pinhole camera: right, up and ahead. The first two are divided by the tangent of half the picture's
+/// angle.
 fn axes(camera: &Camera) -> [DVec3; 3] {
     let ahead = (camera.target - camera.eye).as_dvec3().normalize();
     let right = ahead.cross(camera.up.as_dvec3()).normalize();
@@ -19,7 +20,7 @@ fn axes(camera: &Camera) -> [DVec3; 3] {
     [right / (tangent * aspect), right.cross(ahead) / tangent, ahead]
 }
 
-/// Where a point is seen, in pixels from the picture's top left corner.
+/// The place of a point in the picture, in pixels from the top left corner.
 fn seen(camera: &Camera, point: DVec3) -> [f64; 2] {
     let [right, up, ahead] = axes(camera);
     let d = point - camera.eye.as_dvec3();
@@ -28,8 +29,8 @@ fn seen(camera: &Camera, point: DVec3) -> [f64; 2] {
     [0.5 * w * (1.0 + d.dot(right) / depth), 0.5 * h * (1.0 - d.dot(up) / depth)]
 }
 
-/// The vector of a pixel: the triangle that its centre meets first, and where the same point of it was before. Also the
-/// least barycentric coordinate there, which tells how near an edge is.
+/// The vector of a pixel, from the triangle that its centre hits first and the earlier place of the same point on it.
+/// Also returns the smallest barycentric coordinate there, which tells how near an edge is.
 fn expected(
     corners: &[[DVec3; 2]],
     triangles: &[u32],
@@ -57,7 +58,8 @@ fn expected(
     Some(([0, 1].map(|k| at[k] - before[k]), least))
 }
 
-/// Draws the vectors and holds them against triangles whose corners are known at both times; the longest vector.
+/// Draws the vectors and compares them with triangles whose corners are known at both times. Returns the longest
+/// vector.
 fn compare(
     renderer: &mut Renderer,
     scene: &Scene,
@@ -67,7 +69,8 @@ fn compare(
 ) -> f64 {
     let [width, height] = SIZE;
     let found = renderer.motion(scene, cameras[0], cameras[1], before, width, height).expect("vectors");
-    // Single precision holds a place in a picture of 64 pixels, seen twice, to about 1e-5 of a pixel.
+    // In single precision, a place in a picture of 64 pixels that is computed twice is accurate to about 1e-5 of a
+    // pixel.
     let most = held(renderer, 1e-5) * 100.0;
     let (mut covered, mut longest) = (0, 0.0f64);
     for y in 0..height {
@@ -81,7 +84,7 @@ fn compare(
                     (covered, longest) = (covered + 1, longest.max(want[0].hypot(want[1])));
                 }
                 Some(_) => {}
-                // On a shared edge rounding may take either triangle, but at the rim it may take none.
+                // On a shared edge, rounding may choose either triangle; at the rim it may choose none.
                 None => assert!(got.is_none() || corners.len() > 4, "something at {x} {y}"),
             }
         }
@@ -122,7 +125,7 @@ fn a_carried_leaf_has_the_vectors_of_its_rigid_motion_and_of_the_camera() {
     let longest = compare(&mut renderer, &scene, Some(&time(0.7)), &corners, [&now, &earlier]);
     assert!(longest > 5.0, "{longest}");
     assert!(renderer.stats().pipelines.iter().any(|p| p == "motion, bend"), "{:?}", renderer.stats().pipelines);
-    // The pass is used again for other times; a still camera and no step of time move nothing.
+    // The pass is used again for other times. With a still camera and equal times nothing moves.
     let same: Vec<[DVec3; 2]> = corners.iter().map(|[p, _]| [*p; 2]).collect();
     assert_eq!(compare(&mut renderer, &scene, Some(&time(1.0)), &same, [&now, &now]).max(1e-9), 1e-9);
 }
@@ -146,7 +149,7 @@ fn a_swaying_branch_has_the_vectors_of_its_vertices() {
         renderer.set_time(&gusts(t));
         renderer.bent_vertices(&scene, 0).expect("vertices")
     };
-    // The picture's time is the one that is set last.
+    // The time of the picture is the one that was set last.
     let (before, now) = (at(3.0), at(4.0));
     let corners: Vec<[DVec3; 2]> = now.iter().zip(&before).map(|(n, b)| [n[0].as_dvec3(), b[0].as_dvec3()]).collect();
     let look = camera(Vec3::new(0.5, -0.6, 0.9), 60.0);

@@ -1,4 +1,4 @@
-//! What a scene does not need is neither created nor uploaded, and cannot change its picture.
+//! A part that a scene does not need is neither created nor uploaded, and cannot change the picture.
 
 mod common;
 
@@ -76,7 +76,7 @@ fn without_a_sky_no_albedo_table_and_without_gloss_no_lobe() {
     draw(&mut renderer, &scene);
     assert!(!renderer.stats().uploaded("albedo"), "{:?}", names(&renderer));
     leaf(&mut scene, 0).sides.front.gloss = None;
-    // A gloss map without gloss in it is a matte side too.
+    // A gloss map in which all gloss is 0 makes a matte side too.
     leaf(&mut scene, 0).sides.back.gloss = Some(vec![[0.0, 0.0, 0.0, 0.3]; 64]);
     leaf(&mut scene, 0).sides.front.normal = None;
     leaf(&mut scene, 0).sides.back.normal = None;
@@ -117,7 +117,7 @@ fn a_leaf_that_stands_nowhere_is_not_uploaded() {
 fn upload_sizes_are_the_maps_sizes() {
     let Some(mut renderer) = renderer() else { return };
     draw(&mut renderer, &lit(full_leaf()));
-    // 8×8 and its mips: 64 + 16 + 4 + 1 texels of four channels, 4 or 2 bytes each.
+    // 8×8 texels and their mips: 64 + 16 + 4 + 1 texels of four channels, with 4 or 2 bytes each.
     let gloss = renderer.stats().uploads.iter().find(|u| u.name == "leaf 0 front gloss").expect("gloss");
     assert!(gloss.bytes == 85 * 16 || gloss.bytes == 85 * 8, "{}", gloss.bytes);
 }
@@ -202,7 +202,7 @@ fn shadow_maps_are_kept_until_the_sun_moves() {
     renderer.set_lights(&scene).expect("lights");
     let moved = renderer.render(&camera, 16, 16).expect("picture");
     assert_eq!(renderer.stats().shadow_renders, 2);
-    // Taking over a change gives the picture that the changed scene gives afresh.
+    // A change that is taken over gives the same picture as the changed scene set anew.
     renderer.set_scene(&scene).expect("scene");
     assert_eq!(moved, renderer.render(&camera, 16, 16).expect("picture"));
 }
@@ -223,7 +223,7 @@ fn taking_over_a_leaf_is_as_good_as_a_new_scene() {
     assert!(before != taken && taken == fresh);
 }
 
-/// What an edit uploads, by name.
+/// The names of what an edit uploads.
 fn uploaded(renderer: &mut Renderer, scene: &Scene) -> Vec<String> {
     let before = renderer.stats().uploads.len();
     renderer.set_material(scene, 0).expect("material");
@@ -237,32 +237,32 @@ fn a_slider_uploads_what_it_moves() {
     renderer.set_scene(&scene).expect("scene");
     let all = renderer.stats().uploads.len();
     assert!(uploaded(&mut renderer, &scene).is_empty(), "nothing moved");
-    // h, σa and σs: the editor solves the slab anew and gives curves.
+    // An edit of h, σa and σs: the editor solves the slab again and returns curves.
     for (side, name) in [(Side::Front, "front"), (Side::Back, "back")] {
         let leaf = leaf(&mut scene, 0);
         leaf.thickness_mm += 0.01;
         leaf.sides[side].interior = Interior::Scalars(curve(leaf.thickness_mm, BACK_T, RHO_T));
         assert_eq!(uploaded(&mut renderer, &scene), [format!("leaf 0 {name} slab curve")]);
     }
-    // h alone, where the curve already reaches: no texture at all.
+    // An edit of h alone within the range of the curve uploads no texture.
     leaf(&mut scene, 0).thickness_mm += 0.001;
     assert!(uploaded(&mut renderer, &scene).is_empty());
-    // ρs: one side's gloss; m within the range of the albedo table, too.
+    // An edit of ρs on one side uploads its gloss. So does an edit of m within the range of the albedo table.
     let gloss = leaf(&mut scene, 0).sides.front.gloss.as_mut().expect("gloss");
     gloss.iter_mut().for_each(|t| t[0] *= 0.5);
     gloss[0][3] = 0.21;
     assert_eq!(uploaded(&mut renderer, &scene), ["leaf 0 front gloss"]);
-    // Rougher than the table: its albedo as well.
+    // A roughness outside the table's range needs a new albedo table too.
     leaf(&mut scene, 0).sides.back.gloss.as_mut().expect("gloss")[0][3] = 0.9;
     assert_eq!(uploaded(&mut renderer, &scene), ["leaf 0 back gloss", "leaf 0 albedo table"]);
-    // Normals on a leaf that had none bring the mesh's tangents along, once.
+    // Normals on a leaf that had none need the mesh's tangents, which are uploaded once.
     let mut plain = lit(uniform_leaf());
     renderer.set_scene(&plain).expect("scene");
     for (map, want) in [(0.1, vec!["leaf 0 front normal", "mesh 0 tangents"]), (0.2, vec!["leaf 0 front normal"])] {
         leaf(&mut plain, 0).sides.front.normal = Some(vec![Vec3::new(map, 0.0, 1.0).normalize().to_array(); 64]);
         assert_eq!(uploaded(&mut renderer, &plain), want);
     }
-    // What was taken over is what a new scene shows.
+    // The changes that were taken over give the same picture as a new scene.
     let view = camera(Vec3::new(0.5, 0.1, 1.0), 55.0);
     for scene in [&scene, &plain] {
         let mut other = scene.clone();
@@ -277,8 +277,8 @@ fn a_slider_uploads_what_it_moves() {
     }
 }
 
-/// An opaque surface has a pipeline without a leaf's code, no maps and no texture coordinates, and meshes are uploaded
-/// once however many materials they wear.
+/// An opaque surface has a pipeline without a leaf's code, without maps and without texture coordinates. Meshes are
+/// uploaded once, whatever the number of their materials.
 #[test]
 fn bark_needs_no_maps() {
     let Some(mut renderer) = renderer() else { return };
@@ -297,7 +297,8 @@ fn bark_needs_no_maps() {
     assert_eq!(found, ["instances of mesh 0", "mesh 0 positions", "mesh 0 normals", "mesh 0 indices"]);
 }
 
-/// ρ/π of the sun's and all of the sky's light, on the outside alone; the same as a leaf whose one texel says so.
+/// Bark reflects ρ/π of the sun's light and ρ of the sky's, on its outside only. It looks the same as a leaf whose one
+/// texel has this reflectance.
 #[test]
 fn bark_looks_like_a_matte_leaf_of_one_texel() {
     let Some(mut renderer) = renderer() else { return };

@@ -1,4 +1,4 @@
-//! Radiance of a flat uniform leaf against closed forms.
+//! The radiance of a flat uniform leaf agrees with closed forms.
 
 mod common;
 
@@ -57,7 +57,7 @@ fn sky_alone_adds_what_both_sides_send() {
 fn thickness_moves_along_the_slab_curve() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    // h + δ halfway from the middle point to the thick end, γ on top: 1.1 of ρd, 0.75 of ρt.
+    // h + δ lies halfway between the middle point and the thick end, and γ is applied: 1.1 of ρd, 0.75 of ρt.
     leaf.sides.front.gamma_delta.fill([1.5, 1.0, 0.5, 0.05]);
     let mut scene = scene_of(leaf);
     scene.sky = Some([1.0; 3]);
@@ -87,7 +87,7 @@ fn pigment_maps_replace_the_curve_and_gamma() {
     assert!(!renderer.stats().uploaded("front gamma_delta"));
 }
 
-/// f_s per unit ρs written out anew in f64: `scene.rs`'s formula, not the shader's arrangement of it.
+/// f_s for ρs = 1, written again in f64 from the formula of `scene.rs`, not from the shader's form of it.
 fn lobe(kind: Lobe, n: [f64; 3], l: [f64; 3], v: [f64; 3], m: f64) -> f64 {
     let h = unit(std::array::from_fn(|i| l[i] + v[i]));
     let (nh, nl, nv, vh) = (dot(n, h), dot(n, l), dot(n, v).max(1e-3), dot(v, h));
@@ -138,7 +138,7 @@ fn gloss_of_every_lobe_at_several_geometries() {
                         f64::from(sun.irradiance[c]) * l[2] * (f64::from(RHO_D[c]) / PI + rho_s[c] * f)
                     })
                 } else {
-                    // Seen from the matte back there is no gloss, only what the front lets through.
+                    // Seen from the matte back there is no gloss, only the light that the front transmits.
                     std::array::from_fn(|c| f64::from(sun.irradiance[c]) * l[2] * f64::from(RHO_T[c]) / PI)
                 };
                 agree(&format!("{kind:?} m {m} pixel {x},{y}"), picture.radiance(x, y), want, held(&renderer, 2e-4));
@@ -256,7 +256,7 @@ fn bad_scenes_and_sizes_are_refused_in_words() {
 
 #[test]
 fn no_adapter_is_its_own_error() {
-    // WGPU_BACKEND is read when an adapter is chosen; a process of its own keeps the other tests out of it.
+    // WGPU_BACKEND is read when an adapter is chosen. A process of its own keeps it from the other tests.
     let me = std::env::current_exe().expect("path");
     let child = std::process::Command::new(me)
         .args(["--exact", "child_without_adapter", "--ignored", "--nocapture"])

@@ -1,5 +1,5 @@
-//! A curved leaf with maps on both sides, pixel by pixel against the formulas of `scene.rs` in f64: its own ray
-//! casting, its own interpolation, its own optics.
+//! A curved leaf with maps on both sides agrees pixel by pixel with the formulas of `scene.rs` in f64. Ray casting,
+//! interpolation and optics are written again for this test.
 
 mod common;
 
@@ -14,7 +14,7 @@ fn add(a: V, b: V, s: f64) -> V {
     std::array::from_fn(|i| a[i] + s * b[i])
 }
 
-/// Smooth, different maps on both sides.
+/// Maps that are smooth, and different on both sides.
 fn mapped_leaf(lobe: Lobe) -> Leaf {
     let mut leaf = uniform_leaf();
     (leaf.width, leaf.height) = (24, 16);
@@ -54,7 +54,7 @@ fn bilinear<const N: usize>(leaf: &Leaf, map: &[[f32; N]], u: f64, v: f64) -> [f
     })
 }
 
-/// ρd with γ, ρt of a side at the front's (u, v).
+/// ρd with γ, and ρt, of a side at the front's (u, v).
 fn interior(leaf: &Leaf, side: &SideMaps, u: f64, v: f64) -> (V, V) {
     let gd = bilinear(leaf, &side.gamma_delta, u, v);
     let Interior::Scalars(c) = &side.interior else { panic!("curves here") };
@@ -88,8 +88,8 @@ fn fresnel(c: f64, n: f64) -> f64 {
     0.5 * ((g - c) / (g + c)).powi(2) * (1.0 + ((c * (g + c) - 1.0) / (c * (g - c) + 1.0)).powi(2))
 }
 
-/// Directional albedo by a product rule over light directions that crowds where grazing views reflect: cosθ = s⁴, φ =
-/// π(1 − t²).
+/// Directional albedo by a product rule over light directions, with cosθ = s⁴ and φ = π(1 − t²). It is dense where
+/// grazing views reflect.
 fn albedo(kind: Lobe, nv: f64, m: f64) -> f64 {
     let nv = nv.max(1e-3);
     let v = [(1.0 - nv * nv).sqrt(), 0.0, nv];
@@ -110,7 +110,7 @@ fn albedo(kind: Lobe, nv: f64, m: f64) -> f64 {
 fn expected(scene: &Scene, camera: &Camera, size: (u32, u32), pixel: (u32, u32)) -> Option<V> {
     let (leaf, mesh) = (scene.leaf(0).expect("a leaf"), &scene.meshes[0]);
     let eye = wide(camera.eye);
-    // `seen_point` lies on the pixel's ray, which is all that is needed of it.
+    // `seen_point` lies on the pixel's ray, which is sufficient here.
     let ray = unit(sub(seen_point(camera, size.0, size.1, pixel.0, pixel.1), eye));
     let mut best: Option<(f64, [f64; 3], [usize; 3])> = None;
     for t in mesh.indices.chunks(3) {
@@ -178,7 +178,7 @@ fn tone(x: f64) -> f64 {
 #[test]
 fn every_inner_pixel_meets_the_formulas() {
     let Some(mut renderer) = renderer() else { return };
-    // Large enough that no map is minified, where the renderer averages and a single ray does not.
+    // The size avoids minified maps, which the renderer averages and a single ray does not.
     let size = (320, 240);
     for (kind, light, eye) in [
         (Lobe::Beckmann, Vec3::new(-0.6, 0.2, 1.0), Vec3::new(0.5, -0.4, 1.0)),
@@ -203,7 +203,7 @@ fn every_inner_pixel_meets_the_formulas() {
             }
         }
         println!("{kind:?}: largest difference {worst:.5} over {compared} pixels");
-        // Filters may hold their weights in 1/256; 16-bit maps keep three digits.
+        // Filters may store their weights in steps of 1/256, and 16-bit maps have three digits.
         assert!(compared > 500 && worst < 0.004, "{kind:?}: {worst} over {compared} pixels");
     }
 }

@@ -1,4 +1,4 @@
-//! Soft shadows against the share of the sun's disk that is really seen.
+//! Soft shadows agree with the true share of the sun's disk that is seen.
 
 mod common;
 
@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 const HEIGHT: f32 = 8.0;
 const HALF: f32 = 5.0;
 
-/// A receiver of ±10 mm with a square of ±`HALF` mm hovering `HEIGHT` above it.
+/// A receiver of ±10 mm, with a square of ±`HALF` mm at the height `HEIGHT` above it.
 fn hovering(direction: Vec3, radius: f32, samples: u32) -> Scene {
     let mut scene = scene_of(uniform_leaf());
     let lift = Mat4::from_translation(Vec3::new(0.0, 0.0, HEIGHT)) * Mat4::from_scale(Vec3::splat(HALF / 10.0));
@@ -22,7 +22,7 @@ fn hovering(direction: Vec3, radius: f32, samples: u32) -> Scene {
     scene
 }
 
-/// Drawn visibility and the point it belongs to, for the receiver's pixels that the square does not hide.
+/// The drawn visibility and its point, for the receiver's pixels that the square does not hide.
 fn drawn_visibility(scene: &Scene) -> Option<Vec<([f64; 3], f64)>> {
     let mut renderer = renderer()?;
     let camera = camera(Vec3::new(60.0, 12.0, 26.0), 66.0);
@@ -70,7 +70,7 @@ fn seen_share(p: [f64; 3], direction: [f64; 3], radius: f64) -> f64 {
 fn penumbra_of_an_edge_follows_the_disks_segment() {
     let radius = 0.15f32;
     let Some(points) = drawn_visibility(&hovering(Vec3::Z, radius, 64)) else { return };
-    // Under a straight edge the seen part of the disk is a circle's segment.
+    // At a straight edge, the visible part of the disk is a segment of a circle.
     let reach = f64::from(HEIGHT) * f64::from(radius).tan();
     let mut tested = 0;
     for (p, got) in points {
@@ -78,7 +78,7 @@ fn penumbra_of_an_edge_follows_the_disks_segment() {
         if p[1].abs() < f64::from(HALF) - reach && t.abs() < 1.3 && p[0] > 0.0 {
             let t = t.clamp(-1.0, 1.0);
             let want = 0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / PI;
-            // 64 directions leave steps of 1/64 and a discrepancy of a few of them.
+            // 64 directions give steps of 1/64, and an error of a few of them.
             assert!((got - want).abs() < 0.045, "at {p:?}: drawn {got}, expected {want}");
             tested += 1;
         }
@@ -141,7 +141,7 @@ fn holes_in_the_mask_let_the_sun_through() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = hovering(Vec3::Z, 0.001, 1);
     let mut caster = uniform_leaf();
-    // Off the leaf in its right half.
+    // The right half of this caster is off the leaf.
     caster.mask = Some((0..64).map(|i| u8::from(i % 8 < 4)).collect());
     scene.materials.push(Material::Leaf(caster));
     scene.instances[1].material = 1;
@@ -181,8 +181,8 @@ fn a_convex_leaf_does_not_shadow_itself_either() {
         let with = renderer.render(&camera, 64, 64).expect("picture");
         let full = 2.5 * 0.12 / std::f32::consts::PI;
         for (a, b) in without.hdr.iter().zip(&with.hdr) {
-            // Where the sun grazes, facets and smooth normals disagree about the terminator; little light is at stake
-            // there.
+            // Where the sunlight grazes the surface, facets and smooth normals give different terminators. Little light
+            // is affected there.
             assert!(b[1] <= a[1] && (a[1] - b[1]).abs() < 0.02 * full, "sun {direction}: {} became {}", a[1], b[1]);
         }
     }

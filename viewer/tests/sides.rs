@@ -1,4 +1,4 @@
-//! Which way round the maps lie: front and back, normals, masks, minification.
+//! The orientation of maps: front and back, normals, masks, minification.
 
 mod common;
 
@@ -7,7 +7,7 @@ use glam::{Mat4, Quat, Vec3};
 use mesophyll_viewer::scene::{Instance, Scene};
 use std::f64::consts::PI;
 
-/// Straight onto one side, x of the front's image to the right (front) or as the back's camera sees it.
+/// A camera straight above one side, with x of that side's image to the right.
 fn straight(front: bool) -> mesophyll_viewer::scene::Camera {
     let mut c = camera(if front { Vec3::Z } else { -Vec3::Z }, 100.0);
     c.fov_y_deg = 2.0 * (10.0f32 / 100.0).atan().to_degrees();
@@ -33,7 +33,7 @@ fn each_side_is_drawn_as_its_camera_saw_it() {
             (&mut leaf.sides.back, &mut leaf.sides.front)
         };
         seen.gamma_delta = letter();
-        // The far side lets nothing through, so that the picture holds the viewed side alone.
+        // The far side transmits nothing, so the picture shows only the viewed side.
         other.interior = mesophyll_viewer::scene::Interior::Scalars(curve(0.2, RHO_D, [0.0; 3]));
         let mut scene = scene_of(leaf);
         scene.sky = Some([1.0; 3]);
@@ -41,7 +41,7 @@ fn each_side_is_drawn_as_its_camera_saw_it() {
         let picture = renderer.render(&straight(front), 80, 80).expect("picture");
         for (row, line) in LETTER.iter().enumerate() {
             for (column, byte) in line.bytes().enumerate() {
-                // Between texel centres the picture is bilinear; at a centre it is the texel.
+                // Between texel centres the picture is bilinear. At a centre it is the texel.
                 let at = picture.radiance(10 * column as u32 + 5, 10 * row as u32 + 5)[1];
                 assert_eq!(at > 0.04, byte == b'#', "front {front}, row {row}, column {column}: {at}");
             }
@@ -53,7 +53,7 @@ fn each_side_is_drawn_as_its_camera_saw_it() {
 fn light_through_the_leaf_uses_the_far_sides_mirrored_map() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    // Thicker (darker in transmission) in the left half of the back's own image: at +x.
+    // The left half of the back's own image, which is at +x, is thicker and so darker in transmission.
     leaf.sides.back.gamma_delta = (0..64).map(|i| [1.0, 1.0, 1.0, if i % 8 < 4 { 0.05 } else { -0.05 }]).collect();
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(-Vec3::Z));
@@ -74,11 +74,11 @@ fn mapped_normals_lean_the_way_their_camera_saw() {
             let side = if front_mapped { &mut leaf.sides.front } else { &mut leaf.sides.back };
             side.normal = Some(vec![tilt.to_array(); 64]);
             let mut scene = scene_of(leaf);
-            // The mapped side is the lit one: seen directly, or through the leaf.
+            // The mapped side is the lit one. It is seen directly, or through the leaf.
             let out = if front_mapped { 1.0 } else { -1.0 };
             let light = Vec3::new(0.5, 0.2, out);
             scene.sun = Some(sun(light));
-            // x runs to the right in each side's own image: along +x on the front, along −x on the back.
+            // x is to the right in each side's own image: along +x on the front, along −x on the back.
             let normal = [out * tilt.x, tilt.y, out * tilt.z].map(f64::from);
             let cosine = dot(normal, wide(sun(light).direction));
             let rho = match (front_seen, front_mapped) {
@@ -155,7 +155,7 @@ fn magnified_maps_are_bilinear() {
             (g(i, j) * (1.0 - a) + g(i + 1, j) * a) * (1.0 - b) + (g(i, j + 1) * (1.0 - a) + g(i + 1, j + 1) * a) * b;
         let want = 3.0 / PI * f64::from(RHO_D[0]) * mixed;
         let got = f64::from(picture.radiance(x, y)[0]);
-        // Filters may hold their weights in 1/256.
+        // Filters may store their weights in steps of 1/256.
         assert!((got / want - 1.0).abs() < 0.01, "pixel {x},{y}: {got} against {want}");
     }
 }
@@ -217,7 +217,7 @@ fn a_masks_edge_covers_as_a_meshs_edge_does() {
     if renderer.adapter().backend == "gl" {
         return skips::skip(skips::Need::Elsewhere, "OpenGL cuts masks at pixel centres");
     }
-    // The same straight edge at x = 0, once cut by the mask, once by the mesh; seen askew.
+    // The same straight edge at x = 0 is made by the mask and by the mesh. It is seen at an angle.
     let mut masked = uniform_leaf();
     masked.mask = Some((0..64).map(|i| u8::from(i % 8 < 4)).collect());
     let mut cut = square(10.0);
@@ -238,8 +238,8 @@ fn a_masks_edge_covers_as_a_meshs_edge_does() {
     let partial = b.iter().filter(|c| **c > 0.0 && **c < 1.0).count();
     let differing = a.iter().zip(&b).filter(|(x, y)| x != y).count();
     let largest = a.iter().zip(&b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-    // Filters hold their weights in 1/256 of a texel, 1/32 of a pixel here: a sample in some thirty may fall on the
-    // other side.
+    // Filters store their weights in steps of 1/256 of a texel, which is 1/32 of a pixel here. About one sample in
+    // thirty may fall on the other side.
     assert!(
         partial > 60 && differing <= partial / 8 && largest <= 0.25,
         "{differing} of {partial} edge pixels differ by up to {largest}"

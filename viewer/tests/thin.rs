@@ -1,4 +1,5 @@
-//! Far plants have fewer and larger leaves, and what is outside the view is not drawn: the same picture for less.
+//! Far plants have fewer and larger leaves, and nothing outside the view is drawn. The picture stays the same and costs
+//! less.
 
 mod common;
 
@@ -9,13 +10,13 @@ use mesophyll_viewer::{Picture, Renderer};
 
 const LEAVES: usize = 4000;
 
-/// Evenly spread numbers from 0 to 1.
+/// Numbers from 0 to 1 that are evenly spread.
 fn spread(k: usize, j: u32) -> f32 {
     ((k as f64 + 0.5) * [0.819_172_5, 0.671_043_6, 0.549_700_5, 0.450_330_0, 0.368_917_2][j as usize]).fract() as f32
 }
 
-/// A crown of leaves of 20 mm in a ball of 600 mm, in all directions, lit by sun and sky with shadows. `kinds`: as how
-/// many meshes; few leaves of a kind are never thinned.
+/// A crown of leaves of 20 mm in a ball of 600 mm, in all directions, under sun and sky with shadows. `kinds` is the
+/// number of meshes that the leaves are divided among; a small number of leaves of one mesh is never thinned.
 fn crown(kinds: usize, first: usize) -> Scene {
     let mut scene = scene_of(uniform_leaf());
     scene.meshes = vec![square(10.0); kinds];
@@ -36,7 +37,7 @@ fn crown(kinds: usize, first: usize) -> Scene {
     scene
 }
 
-/// Mean radiance and coverage of a picture, and how long it takes to draw again (ms, the least of three).
+/// Mean radiance and coverage of a picture, its triangles, and the time to draw it again (ms, the least of three).
 fn shown(renderer: &mut Renderer, distance: f32) -> ([f64; 2], u64, f64) {
     let camera = camera(Vec3::new(0.4, -1.0, 0.2), distance);
     let picture: Picture = renderer.render(&camera, 400, 400).expect("picture");
@@ -55,7 +56,7 @@ fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
     let Some(mut renderer) = renderer() else { return };
     let mut before = u64::MAX;
     for (distance, most) in [(8e3, 1.0), (3e4, 0.55), (6e4, 0.14), (1.2e5, 0.035)] {
-        // The mean of two crowns.
+        // The mean over two crowns.
         let mut of = |kinds: usize| {
             let each: Vec<_> = (0..2)
                 .map(|k| {
@@ -70,7 +71,7 @@ fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
         let (thin, drawn, ms) = of(1);
         assert_eq!(all, 2 * LEAVES as u64);
         let leaves = drawn as f64 / 2.0;
-        // A leaf in any direction shows half of itself, with a standard deviation of .29.
+        // A leaf in a random direction shows half of its area, with a standard deviation of .29.
         let scatter = 0.58 / (2.0 * leaves).sqrt();
         let off = [0, 1].map(|c| thin[c] / full[c] - 1.0);
         println!(
@@ -90,7 +91,7 @@ fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
 #[test]
 fn what_is_outside_the_view_is_not_drawn_but_casts_its_shadow() {
     let Some(mut renderer) = renderer() else { return };
-    // A leaf in view, its shade from one behind the camera, and many beside the view.
+    // A leaf in view, a leaf behind the camera that shades it, and many leaves outside the view.
     let mut scene = scene_of(uniform_leaf());
     let at = |p: Vec3| Instance { transform: Mat4::from_translation(p), ..scene.instances[0] };
     let mut instances = vec![at(Vec3::ZERO), at(Vec3::new(0.0, 0.0, 400.0))];

@@ -1,5 +1,5 @@
-//! Light that arrives past and by way of other surfaces: what is drawn is operator times light at the anchors, in
-//! between their bilinear mean, and it is worked out when the light changes and at no other time.
+//! Light that arrives between and by way of other surfaces. The picture shows operator times light at the anchors, and
+//! bilinear means between them. It is computed when the light changes and at no other time.
 
 mod common;
 
@@ -8,14 +8,15 @@ use glam::Vec3;
 use mesophyll_viewer::scene::{Anchors, Camera, Material, Opaque, Scene, Transfer};
 use std::f32::consts::PI;
 
-/// The square's anchors on a grid: vertices in the order of `square`, u along x and v along y.
+/// The anchors of the square on a grid. Vertices are in the order of `square`, u along x and v along y.
 fn anchors(grid: [u32; 2], rows: u32) -> Anchors {
     let [x, y] = grid.map(|n| n as f32 - 1.0);
     let places = [(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)].map(|(a, b)| Vec3::new(0.0, a, b));
     Anchors { grid, places: places.to_vec(), rows, levels: 1 }
 }
 
-/// A flat leaf whose front gets the irradiance `front` and whose back gets `back` at each anchor, as its own light.
+/// A flat leaf with a transfer in its own light: the front gets the irradiance `front`, and the back `back`, at each
+/// anchor.
 fn lit_by(grid: [u32; 2], light: impl Fn(u32, u32) -> [f32; 2]) -> Scene {
     let mut scene = scene_of(uniform_leaf());
     scene.meshes[0].anchors = Some(anchors(grid, 6));
@@ -23,7 +24,7 @@ fn lit_by(grid: [u32; 2], light: impl Fn(u32, u32) -> [f32; 2]) -> Scene {
     for j in 0..grid[1] {
         for i in 0..grid[0] {
             let [front, back] = light(i, j);
-            // Along z, red twice as much as green, nothing in blue.
+            // The vector is along z. Red is twice as much as green, and blue is 0.
             for z in [0.0, 0.0, front, 0.0, 0.0, -back] {
                 entries.push([2.0 * z, z, 0.0, 0.0]);
             }
@@ -33,7 +34,7 @@ fn lit_by(grid: [u32; 2], light: impl Fn(u32, u32) -> [f32; 2]) -> Scene {
     scene
 }
 
-/// The operator of a leaf that stands alone: straight light, exactly.
+/// The operator of a leaf that stands alone: straight light in closed form.
 fn alone(bands: usize) -> Vec<[f32; 4]> {
     let columns = bands * bands;
     let mut entries = vec![[0.0; 4]; (6 + columns) * columns];
@@ -62,7 +63,7 @@ fn a_leaf_alone_is_lit_as_by_a_constant_sky() {
         let arrived = renderer.render(&view, 48, 32).unwrap().hdr;
         let mut compared = 0;
         for (a, b) in arrived.iter().zip(&constant).filter(|(_, b)| b[3] == 1.0) {
-            // Half floats keep eleven digits.
+            // Half floats have eleven bits.
             agree(&format!("{bands} bands"), *a, [b[0], b[1], b[2]].map(f64::from), held(&renderer, 2e-3));
             compared += 1;
         }
@@ -70,7 +71,7 @@ fn a_leaf_alone_is_lit_as_by_a_constant_sky() {
     }
 }
 
-/// Radiance ρd/π·E_front + ρt/π·E_back, E interpolated bilinearly between the anchors around the point.
+/// The radiance is ρd/π·E_front + ρt/π·E_back, with E interpolated bilinearly between the anchors around the point.
 #[test]
 fn light_is_interpolated_between_anchors() {
     let Some(mut renderer) = renderer() else { return };
@@ -105,7 +106,7 @@ fn light_is_interpolated_between_anchors() {
     }
 }
 
-/// The sun's light comes by way of other surfaces alone, by its harmonics; the sky's comes both ways.
+/// Sunlight arrives by way of other surfaces only, as harmonics. Light of the sky also arrives straight.
 #[test]
 fn sun_and_sky_take_their_own_ways() {
     let Some(mut renderer) = renderer() else { return };
@@ -118,7 +119,7 @@ fn sun_and_sky_take_their_own_ways() {
     entries[2 * columns + 2] = [0.25, 0.5, 1.0, 0.0];
     scene.transfer = Some(Transfer { bands: Some(2), gloss_bands: 2, scale: 1.0, entries });
     scene.sky = Some([0.2, 0.3, 0.4]);
-    // From below: its own light does not fall on the side that is seen, and nothing comes through without ρt.
+    // The sun is below, so it does not shine on the side that is seen, and with ρt = 0 nothing is transmitted.
     let mut lamp = sun(Vec3::new(0.6, 0.0, -0.8));
     lamp.irradiance = [2.0, 1.0, 0.5];
     scene.sun = Some(lamp);
@@ -162,7 +163,7 @@ fn it_is_worked_out_when_the_light_changes_and_only_then() {
     assert!((after[0] / before[0] - 2.0).abs() < 1e-5 && after[1] == before[1], "{before:?} {after:?}");
 }
 
-/// Wood is lit at its vertices, on its outside.
+/// Wood gets its light at its vertices, on its outside.
 #[test]
 fn wood_is_lit_at_its_vertices() {
     let Some(mut renderer) = renderer() else { return };
@@ -206,13 +207,13 @@ fn a_transfer_that_contradicts_its_scene_is_refused() {
     refused("bands", &|s| s.transfer.as_mut().unwrap().bands = Some(8));
 }
 
-/// From near the finest anchors are seen, from afar the coarsest, and in between the picture goes from one to the other
-/// without a step. An instance that keeps coarse ones alone is seen by them from everywhere.
+/// From near, the finest anchors are used, and from far the coarsest. Between, the picture changes without a step. An
+/// instance that stores only coarse anchors uses them at all distances.
 #[test]
 fn far_leaves_are_lit_by_coarser_anchors() {
     let Some(mut renderer) = renderer() else { return };
-    // Two by two anchors give the front 1 each, the single one that stands for them gives 3: nothing real, so that the
-    // levels can be told apart.
+    // Two by two anchors give the front 1 each. The single anchor that represents them gives 3, which is not physical
+    // but shows which level is used.
     let levels = |first_level: u32| {
         let mut scene = lit_by([2, 2], |_, _| [1.0, 0.0]);
         let Some(transfer) = &mut scene.transfer else { unreachable!() };
@@ -228,16 +229,16 @@ fn far_leaves_are_lit_by_coarser_anchors() {
     let mut seen = |scene: &Scene, fov: f32| {
         renderer.set_scene(scene).unwrap();
         let view = Camera { fov_y_deg: fov, ..camera(Vec3::Z, 400.0) };
-        // The square of 20 mm fills the picture's middle: 128 pixels are as wide as the field of view.
+        // The square of 20 mm is in the middle of the picture. 128 pixels are as wide as the field of view.
         let picture = renderer.render(&view, 128, 128).unwrap();
         f64::from(picture.hdr[64 * 128 + 64][1]) / unit
     };
-    // Degrees of which the square takes a share: two anchors are 20 mm apart.
+    // The field of view (degrees) in which two anchors, which are 20 mm apart, have this distance in pixels.
     let apart = |pixels: f32| 2.0 * (20.0 / 400.0 * 128.0 / pixels / 2.0).atan().to_degrees();
     assert!((seen(&levels(0), apart(12.0)) - 1.0).abs() < 0.01);
     assert!((seen(&levels(0), apart(1.5)) - 3.0).abs() < 0.02);
     assert!((seen(&levels(1), apart(12.0)) - 3.0).abs() < 0.02);
-    // log2(4 / pixels) of the way.
+    // The coarse level has the share log2(4 / pixels).
     let mut before = 1.0;
     for pixels in [3.6, 3.2, 2.8, 2.4, 2.1] {
         let (found, expected) = (seen(&levels(0), apart(pixels)), 1.0 + 2.0 * (4.0 / f64::from(pixels)).log2());

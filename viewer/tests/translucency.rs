@@ -1,5 +1,5 @@
-//! Light that comes through by translucency maps, against the formula written anew; and that nobody pays for maps who
-//! has none.
+//! Light that comes through by translucency maps agrees with the formula, which is written again here. A leaf without
+//! such maps costs nothing more.
 
 mod common;
 
@@ -9,7 +9,7 @@ use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Interior, Leaf, Scene
 use mesophyll_viewer::{Picture, Renderer};
 use std::f64::consts::PI;
 
-/// h of a flat, uniform leaf.
+/// The coefficients h of a flat, uniform leaf.
 fn flat() -> [f32; 3] {
     [((2.0 * PI).sqrt() / 3.0) as f32; 3]
 }
@@ -22,7 +22,7 @@ fn of_colours(maps: [Vec<[f32; 3]>; 3]) -> Translucency {
     Translucency { basis: Basis::HalfLife2, coefficients: Coefficients::Colour(maps) }
 }
 
-/// The direction as its basis sees it: where it is bent, by way of the height's angle and the azimuth.
+/// The direction at which a basis is evaluated. The bent one is computed from the elevation and the azimuth.
 fn looked_up(basis: Basis, omega: [f64; 3]) -> [f64; 3] {
     let across = omega[0].hypot(omega[1]);
     let height = omega[2].atan2(across);
@@ -44,7 +44,7 @@ fn factor(h: [f32; 3], omega: [f64; 3]) -> f64 {
     (0..3).map(|i| f64::from(h[i]) * (1.5 / PI).sqrt() * dot(axes[i], omega)).sum::<f64>().max(0.0)
 }
 
-/// Straight onto one side: the picture is the maps as that side's camera saw them.
+/// A camera straight above one side. The picture is then the maps as that side's camera saw them.
 fn straight(front: bool) -> Camera {
     let mut c = camera(if front { Vec3::Z } else { -Vec3::Z }, 100.0);
     c.fov_y_deg = 2.0 * (10.0f32 / 100.0).atan().to_degrees();
@@ -84,14 +84,14 @@ fn a_flat_uniform_leafs_maps_change_nothing() {
             for (x, y) in [(3, 4), (20, 20), (35, 11)] {
                 let wanted: [f64; 3] = std::array::from_fn(|c| f64::from(want.radiance(x, y)[c]));
                 agree("factor", factor.radiance(x, y), wanted, held(&renderer, 1e-4));
-                // ρt itself is rounded to 16 bits there.
+                // ρt itself is rounded to 16 bits in these maps.
                 agree("colour", colour.radiance(x, y), wanted, held(&renderer, 1e-3));
             }
         }
     }
 }
 
-/// Coefficients that differ from texel to texel and from function to function.
+/// Coefficients that differ between texels and between functions.
 fn made_up(k: usize) -> [f32; 3] {
     let (x, y) = ((k % 8) as f32, (k / 8) as f32);
     [0.8 + 0.05 * x, 0.7 + 0.06 * y, 0.9 - 0.04 * x - 0.02 * y]
@@ -100,7 +100,7 @@ fn made_up(k: usize) -> [f32; 3] {
 #[test]
 fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_into_its_frame() {
     let Some(mut renderer) = renderer() else { return };
-    // From steep to a half and a twentieth of a degree over the blade.
+    // Directions from steep down to half a degree and a twentieth of a degree above the blade.
     let towards = [
         (0.1, 0.1, 1.0),
         (0.8, 0.3, 0.7),
@@ -117,7 +117,7 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
             let out = if front_lit { 1.0 } else { -1.0 };
             let light = Vec3::new(toward.x, toward.y, out * toward.z);
             let direction = wide(sun(light).direction);
-            // The lit side's image has x to its right: world +x on the front, −x on the back.
+            // In the lit side's image x is to the right: world +x on the front, −x on the back.
             let omega = looked_up(basis, [out as f64 * direction[0], direction[1], out as f64 * direction[2]]);
             for colour in [false, true] {
                 let mut leaf = uniform_leaf();
@@ -130,16 +130,16 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
                     Coefficients::Factor((0..64).map(made_up).collect())
                 };
                 side.translucency = Some(Translucency { basis, coefficients });
-                // The mapped normal has no say on this side.
+                // The mapped normal must have no effect on this side.
                 side.normal = Some(vec![Vec3::new(0.5, 0.5, 0.7).normalize().to_array(); 64]);
                 let scene = lit(leaf, light);
-                // Seen from the other side, whose picture mirrors the lit side's columns.
+                // The leaf is seen from the other side, whose picture mirrors the lit side's columns.
                 let picture = draw(&mut renderer, &scene, &straight(!front_lit));
                 for (column, row) in [(0usize, 0usize), (5, 2), (2, 6), (7, 7)] {
                     let f = factor(made_up(8 * row + column), omega);
                     let per = if colour { tint } else { rho };
-                    // Half floats: each component of the texel's vector, of length √(3/2π)·|h|, is off by 2⁻¹¹ of
-                    // itself at most.
+                    // Half floats: each component of the texel's vector, whose length is √(3/2π)·|h|, is wrong by at
+                    // most 2⁻¹¹ of itself.
                     let length = made_up(8 * row + column).iter().map(|h| f64::from(h * h)).sum::<f64>().sqrt()
                         * (1.5 / PI).sqrt();
                     let seen = picture.radiance(5 * (7 - column as u32) + 2, 5 * row as u32 + 2);
@@ -162,7 +162,7 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
 fn light_below_the_function_is_dark_and_not_negative() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    // Leans far towards −y: light from +y at a low angle is below its horizon.
+    // The vector leans far towards −y, so light from +y at a low angle is below its horizon.
     leaf.sides.back.translucency = Some(of_factors(vec![[1.2, -0.4, 0.2]; 64]));
     let light = Vec3::new(0.0, 1.0, -0.1);
     let picture = draw(&mut renderer, &lit(leaf, light), &straight(true));
@@ -180,7 +180,7 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
     leaf(&mut with, 0).sides.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
     let three = renderer.operations(&with, 0).expect("a shader");
     assert!(plain < one && one < 2 * plain && plain < three, "{plain} {one} {three}");
-    // Bending the light is a dozen operations, once, whatever the maps hold.
+    // Bending the light takes a dozen operations, once, for any kind of map.
     for (basis_free, coefficients) in [
         (one, Coefficients::Factor(vec![flat(); 64])),
         (three, Coefficients::Colour([0, 1, 2].map(|_| vec![flat(); 64]))),
@@ -189,7 +189,7 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
         let bent = renderer.operations(&with, 0).expect("a shader");
         assert!(bent > basis_free && bent <= basis_free + 16, "{bent} {basis_free}");
     }
-    // Maps that no sun shines through cost nothing.
+    // Without a sun, the maps cost nothing.
     (with.sun, with.sky) = (None, Some([1.0; 3]));
     let mut overcast = scene.clone();
     (overcast.sun, overcast.sky) = (None, Some([1.0; 3]));
@@ -225,7 +225,8 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     assert_eq!(renderer.stats().pipelines, ["main: sun, back bent translucency", "tonemap"]);
     draw(&mut renderer, &sunny, &straight(true));
     assert!(renderer.stats().uploaded("leaf 0 back translucency") && !renderer.stats().uploaded("front translucency"));
-    // Half floats with mips, whatever the adapter's other maps are: 64 + 16 + 4 + 1 texels of eight bytes.
+    // The maps are half floats with mips, whatever the format of the adapter's other maps: 64 + 16 + 4 + 1 texels of
+    // eight bytes.
     let map = renderer.stats().uploads.iter().find(|u| u.name == "leaf 0 back translucency").expect("map");
     assert_eq!(map.bytes, 85 * 8);
 
@@ -240,7 +241,7 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     );
 
     lightened.sides.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
-    // A side that shows nothing by itself still lets light through by such a map.
+    // A side that shows nothing itself still transmits light by such a map.
     lightened.sides.back.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![BACK_T; 64] };
     draw(&mut renderer, &lit(lightened, light), &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun, back maps translucency colour", "tonemap"]);
@@ -255,7 +256,7 @@ fn a_map_of_another_size_or_basis_is_refused() {
     leaf.sides.front.translucency = Some(of_factors(vec![flat(); 63]));
     let told = renderer.set_scene(&scene_of(leaf.clone())).expect_err("63 texels").to_string();
     assert!(told.contains("front.translucency") && told.contains("63"), "{told}");
-    // One shader, one light for both sides.
+    // The shader has one bent light for both sides, so their bases must agree.
     leaf.sides.front.translucency = Some(of_factors(vec![flat(); 64]));
     leaf.sides.back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
     let told = renderer.set_scene(&scene_of(leaf)).expect_err("two bases").to_string();

@@ -1,4 +1,4 @@
-//! The window on screen: winit's events in, the stage's texture out.
+//! The window on screen: it gets events from winit and shows the stage's texture.
 
 use crate::editor::Editor;
 use crate::stage::Stage;
@@ -14,16 +14,16 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
 
-/// How a window opens and, in scripts, closes.
+/// How a window opens and, in scripts, when it closes.
 #[derive(Debug, Clone)]
 pub struct WindowOptions {
-    /// Which adapter draws.
+    /// The adapter that draws.
     pub gpu: Options,
-    /// Inner size (pixels).
+    /// Inner size of the window (pixels).
     pub size: [u32; 2],
-    /// Closes after this many frames.
+    /// Closes the window after this many frames.
     pub frames: Option<u32>,
-    /// Writes the window's contents here as PNG before it closes by `frames`.
+    /// Writes the window's contents as PNG to this path, before `frames` closes it.
     pub screenshot: Option<PathBuf>,
 }
 
@@ -49,7 +49,7 @@ pub fn open_window(scene: WindowScene, editor: Box<dyn Editor>, options: &Window
 fn event_loop() -> Result<EventLoop<()>> {
     use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
     let mut builder = EventLoop::builder();
-    // Off the main thread winit would panic instead of returning an error; both systems allow it.
+    // Off the main thread, winit would panic instead of returning an error. Both systems allow other threads.
     EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
     EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
     builder.build().map_err(|e| Error::Window(no_display(&e.to_string())))
@@ -60,7 +60,8 @@ fn event_loop() -> Result<EventLoop<()>> {
     EventLoop::new().map_err(|e| Error::Window(no_display(&e.to_string())))
 }
 
-/// The reason in what winit says, which puts a place in its own source before it (`os error at PATH:LINE: REASON`).
+/// The reason in an error of winit, without the place in winit's own source that precedes it (`os error at PATH:LINE:
+/// REASON`).
 fn reason(told: &str) -> &str {
     let reason =
         told.strip_prefix("os error at ").and_then(|rest| rest.split_once(": ")).map_or(told, |(_, reason)| reason);
@@ -97,7 +98,8 @@ struct Running {
 impl Running {
     fn new(events: &ActiveEventLoop, start: Start, options: &WindowOptions) -> Result<Running> {
         let failed = |reason: String| Error::Window(reason);
-        // No larger than the screen, where there is nobody to make it fit: panels beyond its edge could not be reached.
+        // The window is no larger than the screen. Without a window manager to make it fit, panels beyond its edge
+        // could not be reached.
         let screen = events.primary_monitor().or_else(|| events.available_monitors().next()).map(|m| m.size());
         let within = |wanted: u32, most: Option<u32>| most.filter(|m| *m > 0).map_or(wanted, |m| wanted.min(m));
         let [width, height] =
@@ -112,7 +114,8 @@ impl Running {
         let surface = instance.create_surface(window.clone()).map_err(|e| failed(e.to_string()))?;
         let gpu = Gpu::open(&instance, Some(&surface), &options.gpu)?;
         let capabilities = surface.get_capabilities(&gpu.adapter);
-        // The canvas holds encoded sRGB already: a format that would encode it again is the last choice.
+        // The canvas already contains encoded sRGB. A format that would encode it again is taken only if there is no
+        // other.
         let plain = capabilities.formats.iter().copied().find(|f| !f.is_srgb());
         let format = plain
             .or_else(|| capabilities.formats.first().copied())
@@ -133,7 +136,7 @@ impl Running {
         Ok(Running { window, surface, config, blitter, stage, input, state })
     }
 
-    /// Draws and shows one frame; returns when the next is due.
+    /// Draws and shows one frame. Returns the time until the next one is due.
     fn frame(&mut self) -> Result<Duration> {
         let size = self.window.inner_size();
         if size.width == 0 || size.height == 0 {
@@ -191,7 +194,7 @@ impl App {
             }
             return;
         }
-        // A script that counts frames must not wait for somebody to move the pointer.
+        // A script that counts frames must not wait until somebody moves the pointer.
         if due.is_zero() || self.options.frames.is_some() {
             running.window.request_redraw();
         } else if let Some(at) = Instant::now().checked_add(due) {

@@ -1,6 +1,6 @@
-//! The window: the renderer's live picture, and beside it what a user can change. [`Stage`] draws both into a texture,
-//! with or without a display; [`open_window`] shows that texture on screen. What a change means for the leaf is asked
-//! of an [`editor::Editor`].
+//! The window: the renderer's live picture and, beside it, the controls for the user. [`Stage`] draws both into a
+//! texture, with or without a display, and [`open_window`] shows that texture on screen. An [`editor::Editor`] computes
+//! what a change means for the leaf.
 
 #![warn(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Draws the user interface and the picture inside it into a texture. No display is needed: tests use it as it is, the
-//! window copies the texture to the screen.
+//! Draws the user interface, with the picture inside it, into a texture. This needs no display. Tests use it directly,
+//! and the window copies the texture to the screen.
 
 use crate::ui::{Job, ViewerUi};
 use egui::TextureId;
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 const CANVAS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// Renderer, user interface and the texture both are drawn into.
+/// The renderer, the user interface, and the texture that both are drawn into.
 pub struct Stage {
     pub(crate) renderer: Renderer,
     context: egui::Context,
@@ -22,11 +22,11 @@ pub struct Stage {
     canvas: Option<(wgpu::Texture, wgpu::TextureView)>,
 }
 
-/// What a frame left to do.
+/// The tasks that a frame leaves to its caller.
 pub struct Shown {
-    /// What the user interface asks of the desktop: the pointer's shape, the clipboard.
+    /// Requests of the user interface to the desktop: the pointer's shape, the clipboard.
     pub platform: egui::PlatformOutput,
-    /// When the next frame is due; `Duration::MAX` when nothing moves.
+    /// The time until the next frame is due; `Duration::MAX` when nothing moves.
     pub repaint_after: Duration,
 }
 
@@ -61,12 +61,12 @@ impl Stage {
         &self.context
     }
 
-    /// What draws the live picture.
+    /// The renderer of the live picture.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
     }
 
-    /// Draws one frame of `pixels` into the canvas, after the work that the frame before announced.
+    /// Does the work that the previous frame announced, and then draws one frame of `pixels` into the canvas.
     pub fn frame(&mut self, state: &mut ViewerUi, input: egui::RawInput, pixels: [u32; 2]) -> Result<Shown> {
         let limit = self.renderer.gpu().max_side();
         if pixels.iter().any(|side| *side == 0 || *side > limit) {
@@ -120,7 +120,7 @@ impl Stage {
         Ok(Shown { platform: output.platform_output, repaint_after: if more { Duration::ZERO } else { asked } })
     }
 
-    /// Does what the last frame announced.
+    /// Does the work that the previous frame announced.
     fn work(&mut self, state: &mut ViewerUi) -> Result<()> {
         let Some(job) = state.job.take() else { return Ok(()) };
         self.take_over(state)?;
@@ -136,12 +136,12 @@ impl Stage {
                 state.finish_screenshot(&picture);
             }
         }
-        // The picture was drawn at another size, so the live one has to be drawn again.
+        // That picture had another size, so the live one must be drawn again.
         state.dirty = true;
         Ok(())
     }
 
-    /// Uploads what the user has changed; a scene that cannot be drawn is an error only at the start.
+    /// Uploads what the user has changed. A scene that cannot be drawn is an error only at the start.
     fn take_over(&mut self, state: &mut ViewerUi) -> Result<()> {
         if state.scene_changed {
             self.renderer.set_scene(&state.scene)?;
@@ -167,7 +167,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Draws the picture where something has changed, and times it.
+    /// Draws the picture if something has changed, and measures the time.
     fn draw_picture(&mut self, state: &mut ViewerUi) -> Result<()> {
         self.take_over(state)?;
         if !state.dirty && !state.continuous() {

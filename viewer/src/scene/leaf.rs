@@ -1,13 +1,13 @@
-//! How a leaf looks: maps of either side, where its reflectance and transmittance come from, and its translucency.
+//! The look of a leaf: maps of either side, the source of its reflectance and transmittance, and its translucency.
 
 use super::{Basis, Lobe, Sides};
 
 /// A leaf: maps for either side, on a mesh whose normals point out of the front.
 #[derive(Debug, Clone)]
 pub struct Leaf {
-    /// What it is called in what is printed.
+    /// Name of the leaf in printed text.
     pub name: String,
-    /// Size of the maps (all of one size), in texels.
+    /// Columns of the maps, which all have the same size, in texels.
     pub width: u32,
     /// Rows of texels.
     pub height: u32,
@@ -15,48 +15,50 @@ pub struct Leaf {
     pub thickness_mm: f32,
     /// The distribution of its gloss.
     pub lobe: Lobe,
-    /// Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the front, so the
+    /// The two sides. Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the
+    /// front. So the back is read at (1 − u, v).
     /// back is looked up at (1 − u, v).
     pub sides: Sides<SideMaps>,
-    /// 1 on the leaf, row-major in the front's columns; `None` where the mesh is trimmed to the outline already.
+    /// 1 on the leaf, row by row in the front's columns; `None` where the mesh already ends at the outline.
     pub mask: Option<Vec<u8>>,
 }
 
-/// How one side looks. Maps are row-major, row 0 on top.
+/// The look of one side. Maps are stored row by row, with row 0 on top.
 #[derive(Debug, Clone)]
 pub struct SideMaps {
     /// W's first texture: γ (RGB) and δ (mm).
     pub gamma_delta: Vec<[f32; 4]>,
-    /// W's second texture: ρs (RGB) and m; `None` is a matte side and uploads nothing.
+    /// W's second texture: ρs (RGB) and m. With `None` the side is matte and uploads nothing.
     pub gloss: Option<Vec<[f32; 4]>>,
     /// Mapped normals in the mesh's tangent frame *of this side as its camera saw it*: x to the right in this side's
-    /// image, y up, z out of this side; `None` is the mesh normal. With the mesh's tangent t, bitangent b and normal n,
-    /// (x, y, z) is x·t + y·b + z·n on the front and −x·t + y·b − z·n on the back.
+    /// image, y up, z out of this side. `None` means the mesh's normal. With the mesh's tangent t, bitangent b and
+    /// normal n, (x, y, z) is x·t + y·b + z·n on the front and −x·t + y·b − z·n on the back.
     pub normal: Option<Vec<[f32; 3]>>,
-    /// For the sun's light that *enters this side*; `None` lets it through by the mapped normal's cosine.
+    /// Maps for sunlight that *enters this side*. With `None`, the cosine of the mapped normal decides how much comes
+    /// through.
     pub translucency: Option<Translucency>,
-    /// Where ρd and ρt come from.
+    /// The source of ρd and ρt.
     pub interior: Interior,
 }
 
-/// How light that enters a side comes out of the other one, texel by texel, as it turns (Habel et al. 2007): maps in
-/// the columns of the lit side's camera, in whose tangent frame (x right, y up, z out of the lit side) directions ω
-/// towards the light are.
+/// How sunlight that enters a side leaves by the other one, texel by texel, as the light's direction changes (Habel et
+/// al. 2007). The maps have the columns of the lit side's camera. Directions ω towards the light are in this camera's
+/// tangent frame: x right, y up, z out of the lit side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Translucency {
-    /// The same on both sides of a leaf. A flat, uniform leaf has the coefficient √(2π)/3 of each function, whichever
-    /// they are.
+    /// The basis, which is the same on both sides of a leaf. For a flat, uniform leaf the coefficient of each function
+    /// is √(2π)/3 in either basis.
     pub basis: Basis,
-    /// One list of numbers, or one a channel.
+    /// The coefficients of all channels together, or of each channel.
     pub coefficients: Coefficients,
 }
 
-/// Three coefficients a texel.
+/// Three coefficients for each texel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Coefficients {
-    /// f(x, ω), which stands for the cosine n·ω and multiplies ρt.
+    /// f(x, ω), which replaces the cosine n·ω and is multiplied by ρt.
     Factor(Vec<[f32; 3]>),
-    /// M(x, ω) = ρt·f a channel (red, green, blue), which stands for both: three coefficients each.
+    /// M(x, ω) = ρt·f for each channel (red, green, blue), which replaces both. Each channel has three coefficients.
     Colour([Vec<[f32; 3]>; 3]),
 }
 
@@ -68,7 +70,7 @@ pub const HALF_LIFE_2: [[f32; 3]; 3] = [
 ];
 
 impl Translucency {
-    /// The coefficient maps: one, or one a channel.
+    /// The coefficient maps: a single one, or one for each channel.
     pub fn layers(&self) -> &[Vec<[f32; 3]>] {
         match &self.coefficients {
             Coefficients::Factor(map) => std::slice::from_ref(map),
@@ -76,8 +78,8 @@ impl Translucency {
         }
     }
 
-    /// Σ h_i √(3/2π) H_i·ω as one product a·ω: the functions are linear in ω (or in ω bent), so that a texel's three
-    /// coefficients are a vector, and interpolating one interpolates the other.
+    /// The vector a with Σ h_i √(3/2π) H_i·ω = a·ω. The functions are linear in ω (or in the bent ω), so a texel's
+    /// three coefficients are a vector, and interpolating the vectors interpolates the function.
     pub fn vector(coefficients: [f32; 3]) -> [f32; 3] {
         let scale = (1.5 / std::f32::consts::PI).sqrt();
         std::array::from_fn(|axis| scale * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][axis]).sum::<f32>())
@@ -85,7 +87,7 @@ impl Translucency {
 }
 
 impl SideMaps {
-    /// A side whose reflected and transmitted light no camera sees: it has no γ, no δ and no curve, shades black and
+    /// A side whose reflected and transmitted light no camera sees. It has no γ, no δ and no curve, is drawn black, and
     /// uploads nothing.
     pub fn black() -> SideMaps {
         SideMaps {
@@ -103,12 +105,12 @@ impl SideMaps {
     }
 }
 
-/// Where a side's ρd and ρt come from.
+/// The source of a side's ρd and ρt.
 #[derive(Debug, Clone)]
 pub enum Interior {
     /// W's scalars σa, σs: ρd = γ·curve.rho_d(h + δ), ρt = curve.rho_t(h + δ), linear between the curve's points.
     Scalars(SlabCurve),
-    /// Pigment maps: ρd and ρt a texel, already solved from σa(x), σs(x) and h + δ(x); γ is not applied.
+    /// Pigment maps: ρd and ρt of each texel, already computed from σa(x), σs(x) and h + δ(x). γ is not applied.
     Maps {
         /// Diffuse reflectance.
         rho_d: Vec<[f32; 3]>,
@@ -117,15 +119,15 @@ pub enum Interior {
     },
 }
 
-/// ρd and ρt of the slab against thickness, on a uniform grid (at least two points).
+/// ρd and ρt of the slab over its thickness, at two or more points with equal steps.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SlabCurve {
     /// Thickness at the first point.
     pub min_mm: f32,
     /// Thickness at the last point.
     pub max_mm: f32,
-    /// Diffuse reflectance at each point, a channel.
+    /// Diffuse reflectance at each point, for each channel.
     pub rho_d: Vec<[f32; 3]>,
-    /// Diffuse transmittance at each point, a channel.
+    /// Diffuse transmittance at each point, for each channel.
     pub rho_t: Vec<[f32; 3]>,
 }

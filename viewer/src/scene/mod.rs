@@ -1,11 +1,11 @@
-//! Plain scene data: what the renderer draws. Lengths in mm, directions are unit vectors in world space (z up),
-//! radiance in units set by the light; colours are linear sRGB.
+//! Plain scene data: the things that the renderer draws. Lengths are in mm, directions are unit vectors in world space
+//! (z up), the light sets the unit of radiance, and colours are linear sRGB.
 //!
-//! **The shading both renderers must agree on** (W = Wang et al. 2005, Eq. 1, with full A(ω, Δ), B(ω, Δ) and a bounded
-//! gloss). At a point let `Ng` be the interpolated mesh normal turned to the viewer, `v` the direction to the viewer,
-//! `l` to the sun. The viewed side is the one whose mesh normal faces the viewer, the far side the other one; `N` is
-//! the viewed side's mapped normal (outward from that side), `F` the far side's (outward from *that* side, so it points
-//! away from the viewer).
+//! **The shading that both renderers must agree on** (W = Wang et al. 2005, Eq. 1, with full A(ω, Δ), B(ω, Δ) and a
+//! bounded gloss). At a point, let `Ng` be the interpolated mesh normal turned to the viewer, `v` the direction to the
+//! viewer, and `l` the direction to the sun. The viewed side is the one whose mesh normal faces the viewer; the far
+//! side is the other one. `N` is the viewed side's mapped normal, outward from that side. `F` is the far side's mapped
+//! normal, outward from *that* side, so it points away from the viewer.
 //!
 //! ```text
 //! sun lights the viewed side where l·Ng > 0:   L += E · V · max(0, N·l) · (ρd_viewed/π + f_s)
@@ -15,42 +15,46 @@
 //! dome L(ω):     L += ρd_viewed/π ∫ L max(0, N·ω) dω + ρt_far/π ∫ L max(0, F·ω) dω + ∫ L f_s max(0, N·ω) dω
 //! ```
 //!
-//! f_far is the far side's [`Translucency`], looked up where the far side's other maps are; ω is l in the far side's
-//! tangent frame, that of the *mesh* (relief is in f already): (T·l, B·l, Ng·l) for light on the front, (−T·l, B·l,
-//! −Ng·l) on the back, with the mesh's interpolated T, B and outward-from-the-front Ng. In the bent basis f is looked
-//! up at ω with x and y multiplied by (2z/(1+z))^¼. A sky's light comes through by ρt and the mapped normal whatever
-//! translucency maps say.
+//! f_far is the far side's [`Translucency`], read at the same place as the far side's other maps. ω is l in the far
+//! side's tangent frame of the *mesh*, because f already contains the relief. It is (T·l, B·l, Ng·l) for light on the
+//! front and (−T·l, B·l, −Ng·l) for light on the back, with the mesh's interpolated T, B and Ng outward from the front.
+//! In the bent basis, f is evaluated at ω with x and y multiplied by (2z/(1+z))^¼. Transmitted light from the sky
+//! always follows ρt and the mapped normal, with or without translucency maps.
 //!
-//! Where the scene has a [`Transfer`], sky and dome are replaced by what arrives past and by way of other surfaces.
-//! With the irradiance vectors F₁ and F₂ of the point's two sides, ∫ L(ω) ω dω over the directions on either side:
+//! Where the scene has a [`Transfer`], light that arrives between and by way of other surfaces replaces sky and dome.
+//! Let F₁ and F₂ be the irradiance vectors of the point's two sides, ∫ L(ω) ω dω over the directions on either side:
 //!
 //! ```text
 //! L += ρd_viewed/π · max(0, N·F_viewed) + ρt_far/π · max(0, F·F_far) + ρs·a·Σ W_l l_lm Y_lm(R)
 //! ```
-//! l_lm are the harmonics of what arrives at the point. Both are interpolated between the mesh's [`Anchors`].
+//! l_lm are the harmonics of the light that arrives at the point. Vectors and harmonics are interpolated between the
+//! mesh's [`Anchors`].
 //!
-//! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and
-//! Hanrahan 2001), the glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about
-//! it; sums below 0 (ringing) count as 0. A mapped normal sees the whole hemisphere around itself, also where that dips
-//! under the blade, as under a constant sky.
+//! For a [`Dome`], this renderer knows the N² harmonics only. The two diffuse integrals are Σ A_l c_lm Y_lm
+//! (Ramamoorthi and Hanrahan 2001). The glossy one is ρs·a·Σ W_l c_lm Y_lm(R), where R is the lobe's mean direction and
+//! W_l are its bands about it. Sums below 0, which come from ringing, count as 0. A mapped normal sees the whole
+//! hemisphere around itself, also where this dips under the blade, as under a constant sky.
 //!
-//! V is the mean over the shadow maps, or what the three corners of a triangle see of the sun, interpolated
-//! (`Scene::sun_shares`).
+//! V is the mean over the shadow maps. Where the vertices' shares of the sun are known (`Scene::sun_shares`), it is
+//! their interpolation over the triangle.
 //!
 //! An opaque surface has ρt = 0 and ρs = 0, and ρd = 0 on its inside.
 //!
-//! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam
-//! that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α
-//! (m² + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }`
-//! times the dielectric Fresnel F(v·h) for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional
-//! albedo of f_s per unit ρs: ∫ f_s/ρs cosθ dω. f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights
-//! the surface, its disk only decides V. Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the
-//! rim; δ is sampled before the curve is looked up (clamped at its ends), mapped normals are sampled and then
-//! normalised. Minified maps are averaged (a mip chain). A mask's edge lies where its bilinear sample passes ½. With
-//! `msaa` 4 coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel and shading once a leaf,
-//! at the pixel's centre (GL cuts a mask at the centre alone); the picture averages radiance before the tone map. The
-//! sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`. Picture: exposure ·
-//! L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+//! E is the irradiance at normal incidence, V the visible share of the sun's disk, and ρt_far the transmittance of a
+//! beam that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), where D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or
+//! m²/(π cos⁴α (m² + tan²α)²) (GGX), and G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity). `CookTorrance {
+//! index }` multiplies it by the dielectric Fresnel factor F(v·h) for unpolarised light. N·v is at least 1e-3, m is at
+//! least 1e-3, and f_s = 0 where N·h ≤ 0. a(N·v, m) is the directional albedo of f_s for ρs = 1: ∫ f_s/ρs cosθ dω. The
+//! surface is lit from the sun's centre; the disk only decides V.
+//!
+//! Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim. δ is sampled before the curve is
+//! read, which is clamped at its ends. Mapped normals are sampled and then normalised. Minified maps are averaged (a
+//! mip chain). A mask's edge lies where its bilinear sample passes ½.
+//!
+//! With `msaa` 4, coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel. Each leaf is shaded
+//! once, at the pixel's centre, and GL cuts a mask at the centre only. The picture averages radiance before the tone
+//! map. Other leaves do not shade the sky's light. Where nothing is hit the radiance is `Scene::background`. The
+//! picture is exposure · L, Reinhard's x/(1 + x) for each channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
 mod leaf;
 mod light;
@@ -66,74 +70,77 @@ pub use mesophyll_surface::side::{Side, Sides};
 pub use motion::{Branch, Carried, MOST_BRANCHES, Ride, Section, Sections, Wind};
 use std::sync::Arc;
 
-/// Everything in a picture: meshes, materials, where a mesh stands in a material, what bends, and what lights it.
+/// Everything in a picture: meshes, materials, instances, the things that bend, and the lights.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// Shapes, each of which may stand in many places.
+    /// The shapes, each of which may occur in many places.
     pub meshes: Vec<Mesh>,
-    /// What surfaces look like.
+    /// The materials of surfaces.
     pub materials: Vec<Material>,
-    /// What stands where.
+    /// The instances: a mesh in a material at a place.
     pub instances: Vec<Instance>,
-    /// `None` leaves its code and its shadows out.
+    /// The sun. With `None`, the shader has no code for it and no shadows.
     pub sun: Option<Sun>,
-    /// Radiance of a constant sky all around; `None` leaves its code out of the shader.
+    /// Radiance of a constant sky all around. With `None`, the shader has no code for it.
     pub sky: Option<[f32; 3]>,
-    /// A sky that differs from direction to direction, instead of a constant one; `None` leaves its code and its pass
-    /// out.
+    /// A sky that depends on direction, instead of a constant one. With `None`, the shader has no code for it, and
+    /// there is no pass for the sky.
     pub dome: Option<Dome>,
-    /// A scanner instead of sun and sky; seen by [`Renderer::scan`](crate::Renderer::scan). `None` leaves its code out.
+    /// A scanner instead of sun and sky; [`Renderer::scan`](crate::Renderer::scan) draws its picture. With `None`, the
+    /// shader has no code for it.
     pub scanner: Option<Scanner>,
-    /// Radiance of what nothing covers.
+    /// Radiance where nothing is drawn.
     pub background: [f32; 3],
-    /// What radiance is multiplied with before it is displayed.
+    /// The factor that radiance is multiplied by before it is displayed.
     pub exposure: f32,
-    /// Shadow maps spread over the sun's disk: 0 leaves shadows out, 1 is a hard shadow, more are softer and truer.
+    /// Number of shadow maps spread over the sun's disk. 0 leaves shadows out, 1 gives hard shadows, and with more the
+    /// shadows become softer and more accurate.
     pub shadow_samples: u32,
     /// Texels along a side of a shadow map.
     pub shadow_resolution: u32,
-    /// 1 or 4.
+    /// Number of samples for each pixel, 1 or 4.
     pub msaa: u32,
-    /// Branches that bend (at most [`MOST_BRANCHES`]); where nothing rides on one, no shader bends.
+    /// Branches that bend, at most [`MOST_BRANCHES`]. Where nothing rides on any of them, no shader bends.
     pub branches: Vec<Branch>,
-    /// What sways them; `None` uploads no motion texture.
+    /// The wind that sways them. With `None`, no motion texture is uploaded.
     pub wind: Option<Wind>,
-    /// Cross-sections of plants that carry leaves and bark about, at the wind's time; `None`: plants stand still.
+    /// Cross-sections of plants that carry leaves and bark, at the wind's time. With `None`, plants stand still.
     pub sections: Option<Sections>,
-    /// How light arrives past and by way of other surfaces; every mesh that stands somewhere then has [`Anchors`] and
-    /// every instance a first row. `None` lights every surface as if it stood alone, but for the sun's shadows.
+    /// How light arrives between and by way of other surfaces. Every mesh with an instance then needs [`Anchors`], and
+    /// every instance a first row. With `None`, every surface is lit as if it stood alone, except for the sun's
+    /// shadows.
     pub transfer: Option<Transfer>,
-    /// 255 times the share of the sun's disk that vertices see, where the sun stands now: of all instances that have a
-    /// [`Instance::first_share`]. They look into no shadow map.
+    /// 255 times the share of the sun's disk that each vertex sees for the sun's present direction, for all instances
+    /// with a [`Instance::first_share`]. These instances do not use the shadow maps.
     pub sun_shares: Option<Arc<Vec<u8>>>,
-    /// Lawns as slices. They hide and are hidden by what else stands in the scene and lie in its shadow maps' shade,
-    /// but throw no shadow on it. Without one no code and no texture of the pass exists.
+    /// Lawns as slices. They hide other things and are hidden by them, and they are shaded by the scene's shadow maps.
+    /// But they cast no shadow. Without a lawn, the pass has no code and no textures.
     pub grass: Vec<Arc<Grass>>,
 }
 
-/// A mesh drawn somewhere in a material; rigid transforms with uniform scale.
+/// A mesh at a place in a material. Transforms are rigid, with a uniform scale.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Instance {
     /// Index into the scene's meshes.
     pub mesh: usize,
     /// Index into the scene's materials.
     pub material: usize,
-    /// Mesh to world.
+    /// From the mesh's frame to the world.
     pub transform: Mat4,
-    /// What bends it; the transform is where it is at rest.
+    /// The branch that bends it. The transform is its place at rest.
     pub ride: Option<Ride>,
-    /// What carries it about, of the scene's sections; the transform is where it is at rest.
+    /// The section of the scene that carries it. The transform is its place at rest.
     pub carried: Option<Carried>,
     /// First row of its anchors in the scene's [`Transfer`].
     pub first_row: u32,
-    /// The level of its anchors ([`Anchors::levels`]) that its rows begin with: finer ones are not kept, since it is
-    /// never seen so near.
+    /// The level of its anchors ([`Anchors::levels`]) with which its rows begin. Finer levels are not stored, because
+    /// the instance is never seen from near enough.
     pub first_level: u32,
-    /// Where the scene's shares of the sun begin that are of its mesh's vertices, in their order; `None`: its shadows
-    /// come from shadow maps.
+    /// Index of the first of the scene's shares of the sun that belong to its vertices, in their order. With `None`,
+    /// its shadows come from shadow maps.
     pub first_share: Option<u32>,
-    /// It lies below everything and the sun is above: it is shaded and shades nothing, so that shadow maps need not
-    /// cover it and are finer where things stand.
+    /// Whether it lies below everything else while the sun is above. It then receives shadows and casts none, so shadow
+    /// maps need not cover it and have finer texels elsewhere.
     pub floor: bool,
 }
 
@@ -142,53 +149,55 @@ pub struct Instance {
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone)]
 pub enum Material {
-    /// A leaf, with light through it.
+    /// A leaf, which transmits light.
     Leaf(Leaf),
-    /// A surface that lets nothing through.
+    /// A surface that transmits nothing.
     Opaque(Opaque),
 }
 
-/// Bark, ground: a diffuse surface of one colour that lets nothing through. It is seen from the side that its mesh's
+/// Bark or ground: a diffuse surface of one colour that transmits nothing. It is seen from the side that its mesh's
 /// normals point to; its inside is black.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opaque {
-    /// What it is called in what is printed.
+    /// Name of the surface in printed text.
     pub name: String,
     /// Reflectance (red, green, blue), 0 to 1.
     pub albedo: [f32; 3],
 }
 
-/// Triangles with normals, tangents and places on maps; all lists but the triangles' have an entry a vertex.
+/// Triangles with normals, tangents and texture coordinates. All lists except the indices have an entry for each
+/// vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
-    /// In the mesh's own frame and units.
+    /// Places in the mesh's own frame and units.
     pub positions: Vec<Vec3>,
-    /// Unit vectors; a leaf's point out of its front.
+    /// Unit normals. Those of a leaf point out of its front.
     pub normals: Vec<Vec3>,
-    /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent, up in the front's image (towards
-    /// smaller v).
+    /// xyz is the tangent along +u. w = ±1 is the handedness: bitangent = w · normal × tangent, which is up in the
+    /// front's image (towards smaller v).
     pub tangents: Vec<Vec4>,
-    /// (0, 0) is the top left corner of the front's maps.
+    /// Texture coordinates; (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<Vec2>,
-    /// Three a triangle.
+    /// Indices of the vertices, three for each triangle.
     pub indices: Vec<u32>,
-    /// Coarser triangulations of the same vertices for where it is small in the picture, finest first; may be empty.
+    /// Coarser triangulations of the same vertices, for places where the mesh is small in the picture. The finest is
+    /// first; the list may be empty.
     pub details: Vec<Detail>,
-    /// Needed where the scene has a [`Transfer`].
+    /// The anchors of the mesh, which a scene with a [`Transfer`] needs.
     pub anchors: Option<Anchors>,
 }
 
 /// A coarser triangulation.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Detail {
-    /// Three a triangle.
+    /// Indices of the vertices, three for each triangle.
     pub indices: Vec<u32>,
-    /// How far it is from the mesh at most, in the mesh's units.
+    /// Its largest distance from the mesh, in the mesh's units.
     pub error: f32,
 }
 
 impl Material {
-    /// What it is called in what is printed.
+    /// Name of the material in printed text.
     pub fn name(&self) -> &str {
         match self {
             Material::Leaf(leaf) => &leaf.name,
@@ -196,7 +205,7 @@ impl Material {
         }
     }
 
-    /// The leaf, unless it is something else.
+    /// The leaf, or `None` for another surface.
     pub fn leaf(&self) -> Option<&Leaf> {
         match self {
             Material::Leaf(leaf) => Some(leaf),
@@ -206,12 +215,12 @@ impl Material {
 }
 
 impl Scene {
-    /// The material of this index, where there is one and it is a leaf.
+    /// The leaf with this index among the materials; `None` if there is none, or if it is another surface.
     pub fn leaf(&self, material: usize) -> Option<&Leaf> {
         self.materials.get(material)?.leaf()
     }
 
-    /// As [`Scene::leaf`], to be changed.
+    /// As [`Scene::leaf`], for changing it.
     pub fn leaf_mut(&mut self, material: usize) -> Option<&mut Leaf> {
         match self.materials.get_mut(material)? {
             Material::Leaf(leaf) => Some(leaf),
@@ -219,7 +228,7 @@ impl Scene {
         }
     }
 
-    /// Adds a mesh and a material, and says at which index either is.
+    /// Adds a mesh and a material, and returns an instance with their indices.
     pub fn add(&mut self, mesh: Mesh, material: Material) -> Instance {
         self.meshes.push(mesh);
         self.materials.push(material);
@@ -231,12 +240,12 @@ impl Scene {
 /// A pinhole camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where it is.
+    /// Place of the camera.
     pub eye: Vec3,
-    /// What it looks at.
+    /// The point that it looks at.
     pub target: Vec3,
-    /// What is up in the picture; not along the line of sight.
+    /// The direction that is up in the picture. It must not lie along the line of sight.
     pub up: Vec3,
-    /// From the bottom of the picture to its top.
+    /// Field of view from the bottom of the picture to its top.
     pub fov_y_deg: f32,
 }

@@ -1,5 +1,5 @@
-//! Refuses scenes that contradict themselves before anything reaches the adapter, with the place, what was found and
-//! what was expected.
+//! Refuses scenes that contradict themselves before anything reaches the adapter. The error names the place, what was
+//! found and what was expected.
 
 mod motion;
 mod surface;
@@ -10,7 +10,7 @@ use crate::gpu::Gpu;
 use crate::scene::{Camera, Dome, Scanner, Scene};
 pub(crate) use surface::material;
 
-/// Shadow maps larger than this in total are refused (bytes).
+/// The largest memory of all shadow maps together (bytes).
 const SHADOW_BUDGET: u64 = 2 << 30;
 
 fn wrong(place: impl Into<String>, found: impl ToString, expected: impl ToString) -> Error {
@@ -51,7 +51,7 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
     lights(gpu, scene)
 }
 
-/// Lights, and how a scene is drawn.
+/// Validates the lights and the settings with which a scene is drawn.
 pub(crate) fn lights(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if scene.msaa != 1 && scene.msaa != 4 {
         return Err(wrong("msaa", scene.msaa, "1 or 4"));
@@ -130,7 +130,7 @@ fn shadow(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if n == 0 {
         return Ok(());
     }
-    // 256 matrices fill a quarter of the smallest uniform buffer every adapter has.
+    // 256 matrices fill a quarter of the smallest uniform buffer that every adapter has.
     let most = gpu.max_layers().min(256);
     if n > most {
         return Err(wrong("shadow_samples", n, format!("at most {most} on this adapter")));

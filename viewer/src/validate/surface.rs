@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::{Interior, Leaf, Material, Mesh, Scene, SideMaps};
 
-/// Material `index` of a scene.
+/// Validates material `index` of a scene.
 pub(crate) fn material(gpu: &Gpu, scene: &Scene, index: usize) -> Result<()> {
     match scene.materials.get(index) {
         Some(Material::Leaf(leaf)) => check_leaf(gpu, index, leaf),

@@ -1,4 +1,4 @@
-//! Refuses a transfer, and shares of the sun, that do not belong to the scene.
+//! Refuses a transfer, and shares of the sun, that do not fit the scene.
 
 use super::wrong;
 use crate::error::Result;
@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::passes::transfer::columns;
 use crate::scene::{Scene, SideMaps};
 
-/// Shares of the sun: a byte for every vertex of an instance that has them.
+/// Validates shares of the sun: there is one byte for every vertex of an instance that has shares.
 pub(super) fn shares(gpu: &Gpu, scene: &Scene) -> Result<()> {
     let Some(shares) = &scene.sun_shares else { return Ok(()) };
     if gpu.is_gl() {
@@ -31,7 +31,7 @@ fn shines(side: &SideMaps) -> bool {
     side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[..3].iter().any(|v| *v > 0.0)))
 }
 
-/// The transfer, and that everything which stands in the scene has rows in it.
+/// Validates the transfer. Everything that stands in the scene must have rows in it.
 pub(super) fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
     let Some(transfer) = &scene.transfer else { return Ok(()) };
     if gpu.is_gl() {

@@ -31,12 +31,12 @@ pub fn renderer_with(options: &Options) -> Option<Renderer> {
     }
 }
 
-/// `relative`, but not finer than what the adapter's formats hold.
+/// The tolerance `relative`, or a larger one where the adapter's formats are less precise.
 pub fn held(renderer: &Renderer, relative: f64) -> f64 {
     if renderer.adapter().half_precision { relative.max(2e-3) } else { relative }
 }
 
-/// A flat square of `half` mm to each side in the plane z = 0, front up; u grows with x, v falls with y.
+/// A flat square of `half` mm to each side in the plane z = 0, front up. u grows with x, and v falls with y.
 pub fn square(half: f32) -> Mesh {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     Mesh {
@@ -49,7 +49,7 @@ pub fn square(half: f32) -> Mesh {
     }
 }
 
-/// ρd and ρt that fall or rise linearly with thickness around `at` mm, where they are `rho_d` and `rho_t`.
+/// A curve whose ρd and ρt change linearly with thickness. At `at` mm they are `rho_d` and `rho_t`.
 pub fn curve(at: f32, rho_d: [f32; 3], rho_t: [f32; 3]) -> SlabCurve {
     let scaled = |c: [f32; 3], s: f32| c.map(|v| v * s);
     SlabCurve {
@@ -84,12 +84,12 @@ pub fn uniform_leaf() -> Leaf {
     }
 }
 
-/// A square of 10 mm to each side in this leaf.
+/// A square of 10 mm to each side as this leaf.
 pub fn scene_of(leaf: Leaf) -> Scene {
     on_mesh(square(10.0), leaf)
 }
 
-/// A mesh in this leaf.
+/// A mesh as this leaf.
 pub fn on_mesh(mesh: Mesh, leaf: Leaf) -> Scene {
     let mut scene = Scene { exposure: 1.0, shadow_samples: 0, shadow_resolution: 512, msaa: 1, ..Scene::default() };
     let one = scene.add(mesh, Material::Leaf(leaf));
@@ -97,7 +97,7 @@ pub fn on_mesh(mesh: Mesh, leaf: Leaf) -> Scene {
     scene
 }
 
-/// The leaf of a material's index.
+/// The leaf with this index among the materials.
 pub fn leaf(scene: &mut Scene, material: usize) -> &mut Leaf {
     scene.leaf_mut(material).expect("a leaf")
 }
@@ -106,7 +106,7 @@ pub fn sun(direction: Vec3) -> Sun {
     Sun { direction: direction.normalize(), irradiance: [3.0, 2.5, 2.0], radius: 0.00465 }
 }
 
-/// Looks at the origin from `direction`, `distance` mm away.
+/// A camera that looks at the origin from `direction`, `distance` mm away.
 pub fn camera(direction: Vec3, distance: f32) -> Camera {
     let eye = direction.normalize() * distance;
     let up = if direction.normalize().z.abs() > 0.99 { Vec3::Y } else { Vec3::Z };
@@ -145,7 +145,7 @@ pub fn wide(a: Vec3) -> [f64; 3] {
     [f64::from(a.x), f64::from(a.y), f64::from(a.z)]
 }
 
-/// Fails unless two colours agree within `relative` (of the larger) plus 1e-6.
+/// Fails unless two colours agree within `relative` of the larger one, plus 1e-6.
 pub fn agree(what: &str, got: [f32; 4], want: [f64; 3], relative: f64) {
     for c in 0..3 {
         let (g, w) = (f64::from(got[c]), want[c]);
@@ -156,7 +156,8 @@ pub fn agree(what: &str, got: [f32; 4], want: [f64; 3], relative: f64) {
     }
 }
 
-/// A square grid of ±`half` mm, `n` cells a side, bent to z = `bend`·x² (mm⁻¹), with exact normals and tangents.
+/// A square grid of ±`half` mm with `n` cells along a side, bent to z = `bend`·x² (mm⁻¹), with exact normals and
+/// tangents.
 pub fn bent(half: f32, n: usize, bend: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=n {
@@ -180,8 +181,8 @@ pub fn bent(half: f32, n: usize, bend: f32) -> Mesh {
     mesh
 }
 
-/// A straight branch of 24 mm along x through a leaf of [`square`] or [`bent`], with a tip that would go by `amplitude`
-/// of its length.
+/// A straight branch of 24 mm along x through a leaf of [`square`] or [`bent`]. Its tip would move by `amplitude` of
+/// its length.
 pub fn cantilever(amplitude: f32, gain: f32) -> Branch {
     Branch {
         root: Vec3::new(-12.0, 0.0, 0.0),
@@ -192,7 +193,7 @@ pub fn cantilever(amplitude: f32, gain: f32) -> Branch {
         alpha: 1.0,
         ln_alpha: 0.0,
         ell: 1.0,
-        // A cantilever under an even load: x²(6 − 4x + x²)/3 of the tip.
+        // A cantilever under an even load: the deflection is x²(6 − 4x + x²)/3 of that of the tip.
         a: [2.0, -4.0 / 3.0, 1.0 / 3.0, 0.0],
         still: [0.0, amplitude],
         gain,

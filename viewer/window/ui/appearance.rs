@@ -1,5 +1,6 @@
-//! The appearance panel: which leaf and side, its maps, and the sliders of Wang et al. 2005, Fig. 6: thickness, σa and
-//! σs a channel, gloss. A change goes to `Editor::recompute`, and what comes back is drawn with the next picture.
+//! The appearance panel: the choice of leaf and side, the maps, and the sliders of Wang et al. 2005, Fig. 6, for
+//! thickness, σa and σs of each channel, and gloss. A change is sent to `Editor::recompute`, and the next picture shows
+//! the result.
 
 use super::ViewerUi;
 use super::thumbnails::{MapKind, thumbnail};
@@ -8,10 +9,10 @@ use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
 use mesophyll_viewer::scene::{Leaf, Side, Sides};
 use std::collections::HashMap;
 
-/// A thumbnail and the range it spreads; `None` where the side has no such map.
+/// A thumbnail and its range of values; `None` where the side has no such map.
 type Thumbnail = Option<(TextureHandle, [f32; 2])>;
 
-/// Thumbnails made so far, by leaf, side and map.
+/// The thumbnails that were made so far, by leaf, side and map.
 #[derive(Default)]
 pub(crate) struct Thumbnails(HashMap<(usize, Side, MapKind), Thumbnail>);
 
@@ -28,7 +29,7 @@ const CHANNELS: [(&str, Color32); 3] = [
     ("B", Color32::from_rgb(100, 140, 240)),
 ];
 
-/// Two significant digits.
+/// The value with two significant digits.
 fn short(value: f32) -> String {
     let digits = if value == 0.0 { 0 } else { (1 - value.abs().log10().floor() as i32).clamp(0, 3) };
     format!("{value:.0$}", digits as usize)
@@ -121,8 +122,8 @@ impl ViewerUi {
         });
     }
 
-    /// Light from behind by the leaf's translucency maps, or by ρt and the mapped normal; nothing where the leaf has no
-    /// such maps.
+    /// The control that draws light from behind by the leaf's translucency maps, or by ρt and the mapped normal. It is
+    /// not shown where the leaf has no such maps.
     fn translucency(&mut self, ui: &mut egui::Ui) {
         let laid_by = self.laid_by.contains_key(&self.leaf);
         let has = |leaf: &Leaf| leaf.sides.iter().any(|(_, s)| s.translucency.is_some());
@@ -137,7 +138,7 @@ impl ViewerUi {
         }
     }
 
-    /// Draws a leaf with its translucency maps, or without.
+    /// Chooses whether a leaf is drawn with its translucency maps.
     pub fn show_translucency(&mut self, leaf: usize, shown: bool) {
         let Some(target) = self.scene.leaf_mut(leaf) else { return };
         let (front, back) = (&mut target.sides.front.translucency, &mut target.sides.back.translucency);

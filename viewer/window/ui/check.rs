@@ -1,4 +1,4 @@
-//! The check view: picture, reference and their difference, side by side or flipped, with the verdict and its
+//! The check view: picture, reference and their difference, side by side or in turns, with the verdict and its
 //! thresholds.
 
 use super::ViewerUi;
@@ -6,7 +6,7 @@ use crate::editor::{ReferencePicture, Verdict};
 use egui::{Color32, ColorImage, Rect, RichText, TextureHandle, TextureOptions, pos2, vec2};
 use mesophyll_viewer::Picture;
 
-/// What the difference is multiplied by before it is shown.
+/// The factor that the difference is multiplied by before it is shown.
 const GAIN: u16 = 8;
 
 /// A finished check.
@@ -15,29 +15,29 @@ pub(crate) struct Check {
     /// Picture, reference, difference.
     textures: [TextureHandle; 3],
     size: [u32; 2],
-    /// The scene or camera has changed since.
+    /// Whether the scene or the camera has changed since.
     pub stale: bool,
 }
 
 /// How a check is laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CheckLayout {
-    /// Picture, reference and difference beside each other.
+    /// Picture, reference and difference side by side.
     SideBySide,
-    /// Picture and reference in turn, so that the eye sees what moves.
+    /// Picture and reference in turns, so that the eye sees differences as movement.
     Flipped,
 }
 
 const NAMES: [&str; 3] = ["picture", "reference", "difference × 8"];
 
-/// The difference a channel, amplified.
+/// The amplified difference of each channel.
 pub(crate) fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> Vec<[u8; 4]> {
     let channel = |x: u8, y: u8| (u16::from(x.abs_diff(y)) * GAIN).min(255) as u8;
     a.iter().zip(b).map(|(p, q)| [channel(p[0], q[0]), channel(p[1], q[1]), channel(p[2], q[2]), 255]).collect()
 }
 
-/// Where picture, reference and difference go: the first two always side by side, the third beside them or below,
-/// whichever shows them larger.
+/// The areas of picture, reference and difference. The first two are always side by side. The third is beside or below
+/// them, whichever is larger.
 pub(crate) fn cells(area: Rect, aspect: f32, caption: f32) -> [Rect; 3] {
     let cell = |x: f32, y: f32, size: egui::Vec2| Rect::from_min_size(area.min + vec2(x * size.x, y * size.y), size);
     let (row, square) = (vec2(area.width() / 3.0, area.height()), 0.5 * area.size());
@@ -71,7 +71,7 @@ impl Check {
 }
 
 impl ViewerUi {
-    /// The panel: ask for a check, read its verdict.
+    /// The panel with which the user starts a check and reads its verdict.
     pub(super) fn check_panel(&mut self, ui: &mut egui::Ui) {
         ui.heading("Check");
         ui.horizontal(|ui| {
@@ -94,7 +94,7 @@ impl ViewerUi {
         if check.stale {
             ui.label(RichText::new("The scene or the view has changed since.").color(Color32::from_rgb(220, 170, 60)));
         }
-        // A name may be longer than the panel is wide: the numbers stand below it.
+        // A name may be longer than the panel is wide, so the numbers stand below it.
         for m in &check.verdict.measures {
             ui.label(&m.name);
             let colour =
@@ -121,7 +121,7 @@ impl ViewerUi {
         self.show_check = show;
     }
 
-    /// The pictures, in place of the live one.
+    /// Shows the pictures in place of the live one.
     pub(super) fn check_view(&self, ui: &mut egui::Ui, layout: CheckLayout) {
         let Some(check) = &self.check else { return };
         let area = ui.available_rect_before_wrap();
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn side_by_side_is_side_by_side_and_large() {
-        // The default window's middle, a wide one and a tall one.
+        // The middle of the default window, of a wide one and of a tall one.
         for (width, height, least) in [(795.0f32, 770.0f32, 380.0), (1800.0, 500.0, 590.0), (500.0, 900.0, 240.0)] {
             let area = Rect::from_min_size(pos2(290.0, 0.0), vec2(width, height));
             let [picture, reference, difference] = cells(area, 4.0 / 3.0, 20.0);

@@ -7,15 +7,15 @@ use glam::Vec3;
 use mesophyll_viewer::scene::Sun;
 use std::sync::Arc;
 
-/// A slider leaves a value alone until it is moved: the scene's own sun has more digits than it shows.
+/// Sliders change a value only when they are moved, because the scene's own sun has more digits than a slider shows.
 const EDITS: SliderClamping = SliderClamping::Edits;
 
-/// Azimuth from +x towards +y and elevation above the horizon (degrees) of a direction.
+/// Azimuth from +x towards +y, and elevation above the horizon, of a direction (degrees).
 pub(crate) fn angles(direction: Vec3) -> (f32, f32) {
     (direction.y.atan2(direction.x).to_degrees(), direction.z.clamp(-1.0, 1.0).asin().to_degrees())
 }
 
-/// The direction of an azimuth and an elevation (degrees).
+/// The direction with an azimuth and an elevation (degrees).
 pub(crate) fn direction(azimuth: f32, elevation: f32) -> Vec3 {
     let ((sin_a, cos_a), (sin_e, cos_e)) = (azimuth.to_radians().sin_cos(), elevation.to_radians().sin_cos());
     Vec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
@@ -33,7 +33,7 @@ impl ViewerUi {
             self.turbidity,
         );
         if let Some(sun) = self.scene.sun {
-            // Kept apart from the direction, which knows no azimuth at the zenith.
+            // The angles are stored besides the direction, because a direction at the zenith has no azimuth.
             let azimuth = ui.add(
                 Slider::new(&mut self.sun_angles.0, -180.0..=180.0)
                     .suffix("°")
@@ -42,7 +42,7 @@ impl ViewerUi {
                     .text("azimuth"),
             );
             self.landmark("azimuth", &azimuth);
-            // A dome has no sun below its horizon.
+            // Under a dome the sun cannot go below the horizon.
             let lowest = if self.scene.dome.is_some() { 0.0 } else { -90.0 };
             let elevation = ui.add(
                 Slider::new(&mut self.sun_angles.1, lowest..=90.0)
@@ -111,15 +111,16 @@ impl ViewerUi {
         }
     }
 
-    /// Takes over what vertices see of the sun where it stands now, as soon as that is known; until then they keep what
-    /// they saw of it before; where that cannot be known, a message says so once. Whether another frame has to follow.
+    /// Takes over the shares of the sun that vertices see, as soon as they are known for the sun's present direction.
+    /// Until then the vertices keep their old shares. If the shares cannot be computed, a message says so once. Returns
+    /// whether another frame must follow.
     pub(crate) fn follow_sun(&mut self) -> bool {
         let (Some(old), Some(sun)) = (&self.sun_shares, self.scene.sun) else { return false };
         let (new, more) = match self.editor.shares(sun.direction) {
             Ok(found) => found,
             Err(reason) => {
                 self.message = reason;
-                // This frame's panel is made already.
+                // The panel of this frame has been made already.
                 return true;
             }
         };
@@ -134,8 +135,7 @@ impl ViewerUi {
         more
     }
 
-    /// Asks for the sky that goes with the sun and turbidity as they stand; a refusal is shown and the sky stays as it
-    /// was.
+    /// Requests the sky for the present sun and turbidity. A refusal is shown, and the sky stays unchanged.
     fn renew_sky(&mut self) {
         let (Some(_), Some(sun)) = (&self.scene.dome, self.scene.sun) else { return };
         match self.editor.sky(sun.direction, self.turbidity) {

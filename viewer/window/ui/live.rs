@@ -1,4 +1,4 @@
-//! The live picture: the pointer turns, pans and zooms the camera, reads texels and chooses leaves.
+//! The live picture. The pointer turns, pans and zooms the camera, reads texels and selects leaves.
 
 use super::ViewerUi;
 use egui::{Rect, Sense, TextureId};
@@ -23,7 +23,7 @@ impl ViewerUi {
             || ui.input(|i| i.modifiers.shift);
         if response.dragged() && moved != egui::Vec2::ZERO {
             if panning {
-                // Shares of what a check's picture shows, of which the live one may show more.
+                // These are shares of the view in a check's picture. The live picture may show more.
                 let tan = |fov: f32| (0.5 * fov.to_radians()).tan();
                 let wider = tan(self.live_camera().fov_y_deg) / tan(self.orbit.camera.fov_y_deg);
                 self.orbit.pan(wider * moved.x / rect.height(), wider * moved.y / rect.height());

@@ -1,8 +1,9 @@
-//! The window's state and layout, free of any window: the same is drawn offscreen in tests and on screen by
-//! `open_window`.
+//! The state and the layout of the window. They do not depend on a real window: tests draw them offscreen, and
+//! `open_window` draws them on screen.
 //!
-//! Left: the leaf's appearance (Wang et al. 2005, Fig. 6). Right: lights, check, texel read-out, frame times. Middle:
-//! the picture: drag turns, right or shift drag pans, the wheel zooms, a click chooses the leaf.
+//! On the left is the leaf's appearance (Wang et al. 2005, Fig. 6). On the right are lights, check, texel read-out and
+//! frame times. In the middle is the picture. Dragging turns it, dragging with the right button or with shift pans it,
+//! the wheel zooms, and a click selects a leaf.
 
 mod appearance;
 mod check;
@@ -27,35 +28,35 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What a window opens with.
+/// The content with which a window opens.
 #[derive(Debug, Clone)]
 pub struct WindowScene {
-    /// Of the window.
+    /// Title of the window.
     pub title: String,
-    /// What is drawn.
+    /// The scene that is drawn.
     pub scene: Scene,
-    /// Where the window begins.
+    /// The camera with which the window starts.
     pub camera: Camera,
-    /// Places that a button goes to.
+    /// Views, each of which has a button.
     pub views: Vec<WindowView>,
-    /// Size of the pictures that are checked. The live picture shows at least what such a one does.
+    /// Size of the pictures that are checked. The live picture shows at least everything that such a picture shows.
     pub check_size: [u32; 2],
-    /// Where screenshots go.
+    /// Folder of the screenshots.
     pub screenshots: PathBuf,
 }
 
 /// One of the scene's views, as a button.
 #[derive(Debug, Clone)]
 pub struct WindowView {
-    /// On its button.
+    /// Text of its button.
     pub name: String,
-    /// Where it goes to.
+    /// The camera of the view.
     pub camera: Camera,
-    /// When the scene is seen (s); the wind's time stays as it is where there is none.
+    /// Time at which the scene is seen (s). With `None` the wind's time stays unchanged.
     pub time_s: Option<f64>,
 }
 
-/// Work that takes long enough to say so first: done after the frame that announces it.
+/// Work that takes so long that a frame announces it first. It is done after that frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Job {
     Check,
@@ -68,26 +69,26 @@ pub struct ViewerUi {
     editor: Box<dyn Editor>,
     title: String,
     adapter: AdapterInfo,
-    /// All instances; the scene holds fewer while a leaf is shown alone.
+    /// All instances. The scene has fewer while a leaf is shown alone.
     instances: Vec<Instance>,
-    /// Of all instances; the scene's own is gone while one leaf is shown alone.
+    /// The transfer of all instances. The scene has none while one leaf is shown alone.
     transfer: Option<Transfer>,
-    /// What its vertices see of the sun, which is gone with it.
+    /// The vertices' shares of the sun, which the scene also lacks while one leaf is shown alone.
     sun_shares: Option<Arc<Vec<u8>>>,
-    /// Gloss as fitted, front and back, that the gloss factors scale.
+    /// The fitted gloss of the front and of the back, which the gloss factors scale.
     own_gloss: BTreeMap<usize, Sides<Option<Vec<[f32; 4]>>>>,
-    /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
+    /// Thickness and interiors as fitted, of the leaves that were edited. A reset restores them.
     own_interiors: BTreeMap<usize, (f32, Sides<Interior>)>,
-    /// Translucency maps of the leaves that are shown without theirs, front and back.
+    /// Translucency maps of the front and of the back, of leaves that are shown without them.
     laid_by: BTreeMap<usize, Sides<Option<Translucency>>>,
     own_sun: Option<[f32; 3]>,
     own_sky: Option<[f32; 3]>,
     sun_factor: f32,
     sky_factor: f32,
-    /// Of the dome, as the slider has it.
+    /// Turbidity of the dome, as the slider shows it.
     turbidity: f32,
     sun_angles: (f32, f32),
-    /// Parameters as fitted and as they stand, of the materials that are leaves.
+    /// The parameters as fitted and the present ones, of the materials that are leaves.
     starts: BTreeMap<usize, LeafEdit>,
     edits: BTreeMap<usize, LeafEdit>,
     /// The material whose appearance is shown.
@@ -105,20 +106,20 @@ pub struct ViewerUi {
     screenshots: PathBuf,
     times: VecDeque<f64>,
     continuous: bool,
-    /// The wind's time runs.
+    /// Whether the wind's time runs.
     playing: bool,
     message: String,
     landmarks: BTreeMap<String, Rect>,
     pub(crate) job: Option<Job>,
-    // What the picture has yet to take over.
+    // Changes that the picture has not taken over yet.
     pub(crate) scene_changed: bool,
     pub(crate) lights_changed: bool,
     pub(crate) time_changed: bool,
     pub(crate) leaves_changed: BTreeSet<usize>,
     pub(crate) dirty: bool,
-    /// Size of the picture in pixels, as laid out last.
+    /// Size of the picture in pixels in the last layout.
     pub(crate) picture_size: [u32; 2],
-    /// The camera is being dragged: a slow adapter draws fewer pixels until it rests.
+    /// Whether the camera is being dragged. A slow adapter then draws fewer pixels until it rests.
     moving: bool,
     drawn_as_draft: bool,
 }
@@ -129,7 +130,7 @@ fn aspect([width, height]: [u32; 2]) -> f32 {
 }
 
 impl ViewerUi {
-    /// `adapter` is shown beside the frame times.
+    /// Makes the state of a window. `adapter` is shown beside the frame times.
     pub fn new(window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
         let WindowScene { title, scene, camera, views, check_size, screenshots } = window;
         let (_, radius) = mesophyll_viewer::ball_around(&scene);
@@ -184,13 +185,13 @@ impl ViewerUi {
         }
     }
 
-    /// Where the live picture is seen from.
+    /// The camera of the live picture, as a check would use it.
     pub fn camera(&self) -> Camera {
         self.orbit.camera
     }
 
-    /// The camera of the live picture: the one that a check has, opened so far that all of a check's picture is seen in
-    /// the window's shape.
+    /// The camera of the live picture: that of a check, with a field of view that is wide enough to show everything in
+    /// a check's picture in a window of this shape.
     pub fn live_camera(&self) -> Camera {
         let Camera { fov_y_deg, .. } = self.orbit.camera;
         let wider = (aspect(self.check_size) / aspect(self.picture_size)).max(1.0);
@@ -198,32 +199,32 @@ impl ViewerUi {
         Camera { fov_y_deg: 2.0 * half.to_degrees(), ..self.orbit.camera }
     }
 
-    /// The scene as it stands, with edits.
+    /// The scene in its present state, with edits.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Parameters of leaf `leaf` as they stand. Panics where that material is no leaf.
+    /// The present parameters of leaf `leaf`. Panics if that material is no leaf.
     pub fn edit(&self, leaf: usize) -> LeafEdit {
         self.edits[&leaf]
     }
 
-    /// The last thing the window said: what was saved, or what failed.
+    /// The last message of the window: what was saved, or what failed.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// Whether the last check passed; `None` before one.
+    /// Whether the last check passed; `None` before the first one.
     pub fn passed(&self) -> Option<bool> {
         self.check.as_ref().map(|c| c.verdict.passed)
     }
 
-    /// Where a control was laid out last (points), for scripts that move the pointer there.
+    /// The area of a control in the last layout (points), for scripts that move the pointer there.
     pub fn landmark_rect(&self, name: &str) -> Option<Rect> {
         self.landmarks.get(name).copied()
     }
 
-    /// What the pointer is over, and what the editor knows about it.
+    /// What is under the pointer, and what the editor knows about it.
     pub fn under_pointer(&self) -> Option<&(Hit, Vec<(String, String)>)> {
         self.hover.as_ref()
     }
@@ -232,8 +233,8 @@ impl ViewerUi {
         self.landmarks.insert(name.to_string(), response.rect);
     }
 
-    /// Applies an edit: the editor solves the slab anew and the picture follows. A refusal is shown and the leaf stays
-    /// as it was.
+    /// Applies an edit: the editor solves the slab again, and the picture shows the result. A refusal is shown, and the
+    /// leaf stays unchanged.
     pub fn set_edit(&mut self, leaf: usize, edit: LeafEdit) {
         let Some(target) = self.scene.leaf_mut(leaf) else { return };
         let update = match self.editor.recompute(leaf, &edit) {
@@ -253,7 +254,7 @@ impl ViewerUi {
         self.finish_edit(leaf, edit);
     }
 
-    /// Puts a leaf back as it was fitted, bit for bit.
+    /// Restores a leaf as it was fitted, bit for bit.
     pub fn reset(&mut self, leaf: usize) {
         let (Some(target), Some((thickness, own))) = (self.scene.leaf_mut(leaf), self.own_interiors.remove(&leaf))
         else {
@@ -302,7 +303,7 @@ impl ViewerUi {
             Some(one) => vec![*one],
             None => self.instances.clone(),
         };
-        // What arrives at a leaf among others does not arrive at it alone.
+        // The light that arrives at a leaf between others does not arrive at it when it stands alone.
         self.scene.transfer = if alone { None } else { self.transfer.clone() };
         self.scene.sun_shares = if alone { None } else { self.sun_shares.clone() };
         self.scene_changed = true;
@@ -322,13 +323,13 @@ impl ViewerUi {
         self.make_stale();
     }
 
-    /// Asks for a check of the view as it stands; it is done with the next frame.
+    /// Requests a check of the present view. It is done with the next frame.
     pub fn request_check(&mut self) {
         self.message = "Computing the reference …".into();
         self.job = Some(Job::Check);
     }
 
-    /// Asks for a screenshot of the picture; it is written with the next frame.
+    /// Requests a screenshot of the picture. It is written with the next frame.
     pub fn request_screenshot(&mut self) {
         self.job = Some(Job::Screenshot);
     }
@@ -337,7 +338,7 @@ impl ViewerUi {
         self.check_size
     }
 
-    /// Has `picture` judged against the reference.
+    /// Compares `picture` with the reference and takes over the verdict.
     pub(crate) fn finish_check(&mut self, context: &egui::Context, picture: &Picture) {
         let [width, height] = self.check_size;
         match self.editor.reference(&self.scene, &self.orbit.camera, width, height) {
@@ -352,7 +353,7 @@ impl ViewerUi {
         }
     }
 
-    /// Writes `picture` to the first free name and says where.
+    /// Writes `picture` to the first free name, and the message says where.
     pub(crate) fn finish_screenshot(&mut self, picture: &Picture) {
         let name: String = self.title.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
         let path = (1..).map(|i| self.screenshots.join(format!("{name}-{i}.png"))).find(|p| !p.exists());
@@ -367,7 +368,7 @@ impl ViewerUi {
         self.message = message;
     }
 
-    /// Size of the next live picture: half as wide and high while the camera moves on a software adapter.
+    /// Size of the next live picture. It is half as wide and high while the camera moves on a software adapter.
     pub(crate) fn live_size(&self) -> [u32; 2] {
         if self.moving && self.adapter.is_software {
             self.picture_size.map(|s| s.div_ceil(2))
@@ -376,7 +377,7 @@ impl ViewerUi {
         }
     }
 
-    /// Takes the time of a drawn picture (ms); drafts are not counted.
+    /// Records the time of a drawn picture (ms). Drafts do not count.
     pub(crate) fn drawn(&mut self, ms: f64) {
         self.dirty = false;
         self.drawn_as_draft = self.live_size() != self.picture_size;
@@ -393,7 +394,7 @@ impl ViewerUi {
         self.continuous || self.playing
     }
 
-    /// Lays everything out; `picture` is the texture that the picture is drawn into.
+    /// Lays everything out. The picture is drawn into the texture `picture`.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, picture: TextureId) {
         if self.scene.leaf(self.leaf).is_some() {
             egui::Panel::left("appearance").exact_size(290.0).resizable(false).show(ui, |ui| {

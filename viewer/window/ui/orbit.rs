@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use mesophyll_viewer::scene::Camera;
 
-/// Closest that the line of sight may come to the upright axis (rad).
+/// Smallest angle between the line of sight and the upright axis (rad).
 const POLE: f32 = 0.03;
 
 /// A camera that turns about its target.
@@ -17,7 +17,7 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// `radius` is the scene's (mm): zooming stays within a thousandth and a hundred of it.
+    /// `radius` is that of the scene (mm). The distance stays between a thousandth of it and a hundred times it.
     pub fn new(camera: Camera, radius: f32) -> Orbit {
         Orbit { camera, axis: camera.up.normalize_or(Vec3::Z), reach: (1e-3 * radius, 1e2 * radius) }
     }
@@ -33,7 +33,7 @@ impl Orbit {
         self.camera.up = self.axis;
     }
 
-    /// Shifts by shares of the picture's height.
+    /// Moves by shares of the picture's height.
     pub fn pan(&mut self, right: f32, down: f32) {
         let arm = self.camera.eye - self.camera.target;
         let size = 2.0 * arm.length() * (0.5 * self.camera.fov_y_deg.to_radians()).tan();
@@ -44,7 +44,7 @@ impl Orbit {
         self.camera.target += shift;
     }
 
-    /// Comes closer by a factor above 1.
+    /// Moves closer by a factor; above 1 is closer.
     pub fn zoom(&mut self, factor: f32) {
         let arm = self.camera.eye - self.camera.target;
         let length = (arm.length() / factor).clamp(self.reach.0, self.reach.1);

@@ -3,7 +3,7 @@
 use super::ViewerUi;
 use egui::{Color32, RichText, Sense, Stroke, StrokeKind};
 
-/// Frames that the graph shows.
+/// Number of frames that the graph shows.
 pub(crate) const FRAMES: usize = 120;
 
 impl ViewerUi {

@@ -1,4 +1,4 @@
-//! Maps as small pictures: what each side's textures hold (Wang et al. 2005, Fig. 6).
+//! Maps as small pictures, which show the content of each side's textures (Wang et al. 2005, Fig. 6).
 
 use egui::{Color32, ColorImage};
 use glam::Vec2;
@@ -58,8 +58,8 @@ impl MapKind {
     }
 }
 
-/// Texels of the front's maps whose centres lie on the mesh: beyond the outline maps hold a fill for the renderer's
-/// filters, no data.
+/// For each texel of the front's maps, whether its centre lies on the mesh. Beyond the outline, maps hold a fill for
+/// the renderer's filters and no data.
 fn covered(leaf: &Leaf, mesh: Option<&Mesh>) -> Vec<bool> {
     let (width, height) = (leaf.width as usize, leaf.height as usize);
     let mut out = vec![false; width * height];
@@ -80,9 +80,8 @@ fn covered(leaf: &Leaf, mesh: Option<&Mesh>) -> Vec<bool> {
     out
 }
 
-/// A thumbnail with the range it spreads from black to white over the blade, or `None` where the side has no such map.
-/// What lies beside the blade is transparent.
-/// `mesh` is one that the leaf stands on.
+/// A thumbnail and the range of values from black to white over the blade; `None` where the side has no such map.
+/// Texels beside the blade are transparent. `mesh` is one that the leaf is drawn with.
 pub(crate) fn thumbnail(leaf: &Leaf, mesh: Option<&Mesh>, side: Side, kind: MapKind) -> Option<(ColorImage, [f32; 2])> {
     let maps = &leaf.sides[side];
     kind.value(maps, 0)?;
@@ -105,7 +104,7 @@ pub(crate) fn thumbnail(leaf: &Leaf, mesh: Option<&Mesh>, side: Side, kind: MapK
             let all = values.iter().flatten().flatten();
             let (low, high) = all.fold((f32::MAX, f32::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
             let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
-            // Quantities that start at nothing are shown from there; δ swings about its mean.
+            // Quantities that are at least 0 are shown from 0. δ varies about its mean.
             if kind == MapKind::Delta { [low, high.max(low + 1e-6)] } else { [0.0, high.max(1e-6)] }
         }
     };
@@ -122,13 +121,13 @@ mod tests {
     use glam::{Vec3, Vec4};
     use mesophyll_viewer::scene::{Lobe, Sides};
 
-    /// A blade over the left half of its maps, with a fill of 9 beyond it: neither the picture nor its range may show
-    /// that.
+    /// The blade covers the left half of its maps, and beyond it is a fill of 9. Neither the picture nor its range may
+    /// show the fill.
     #[test]
     fn the_fill_beyond_the_outline_is_no_data() {
         let corners = [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)];
         let gamma = |k: usize| if k % 8 < 4 { [0.5 + 0.05 * (k % 8) as f32, 0.6, 0.7, 0.0] } else { [9.0; 4] };
-        // The back's columns run the other way.
+        // The back's columns run in the opposite direction.
         let turned = |k: usize| gamma(k / 8 * 8 + 7 - k % 8);
         let side =
             |of: &dyn Fn(usize) -> [f32; 4]| SideMaps { gamma_delta: (0..48).map(of).collect(), ..SideMaps::black() };

@@ -1,4 +1,4 @@
-//! The wind panel: the scene's time, by hand or running.
+//! The wind panel: the scene's time, set by hand or running.
 
 use super::ViewerUi;
 use egui::Slider;
@@ -7,14 +7,14 @@ use egui::Slider;
 const SPAN: f64 = 60.0;
 
 impl ViewerUi {
-    /// Shown where branches sway.
+    /// The panel, which is shown where branches sway.
     pub(super) fn wind(&mut self, ui: &mut egui::Ui) {
         let Some(wind) = &mut self.scene.wind else { return };
         ui.heading("Wind");
         ui.spacing_mut().slider_width = 110.0;
         let before = wind.time_s;
         if self.playing {
-            // A frame that came late does not make the branches jump.
+            // A frame that comes late must not make the branches jump.
             wind.time_s += f64::from(ui.input(|i| i.stable_dt).min(0.1));
         }
         let most = SPAN.max(wind.time_s);
@@ -32,7 +32,7 @@ impl ViewerUi {
         ui.separator();
     }
 
-    /// Shows the scene as it is at a time (s), and stops the clock there.
+    /// Shows the scene at a time (s), and stops the clock there.
     pub(super) fn set_time(&mut self, time_s: f64) {
         let Some(wind) = &mut self.scene.wind else { return };
         wind.time_s = time_s;

@@ -1,4 +1,4 @@
-//! A made-up leaf: an outline, a few veins, a folded and arched blade. No measurement stands behind it.
+//! A made-up leaf: an outline, a few veins, a folded and arched blade. It is not based on a measurement.
 
 use glam::{Mat4, Quat, Vec2, Vec3};
 use mesophyll_viewer::scene::{
@@ -9,12 +9,12 @@ use mesophyll_window::editor::SideEdit;
 pub const WIDTH: u32 = 256;
 const HEIGHT: u32 = 384;
 
-/// Half the blade's width (share of the longest) at `t` from base to tip.
+/// Half the width of the blade, as a share of the largest half width, at `t` from base to tip.
 fn outline(t: f32) -> f32 {
     (t * std::f32::consts::PI).sin().powf(0.8) * (1.0 - 0.35 * t) * 0.95
 }
 
-/// Distance to a vein pattern (share of the blade's width), in x from −1 to 1 and t from 0 to 1.
+/// Distance to a pattern of veins, as a share of the blade's width, for x from −1 to 1 and t from 0 to 1.
 fn vein(x: f32, t: f32) -> f32 {
     let side = ((t - 0.35 * x.abs()) * 9.0 + 0.5 * x.signum().max(0.0)).fract();
     (x.abs() * 1.2).min((side - 0.5).abs() * 0.35)
@@ -44,14 +44,14 @@ pub fn side(side: Side) -> SideMaps {
     SideMaps { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), translucency: None, interior }
 }
 
-/// Where editing starts.
+/// The parameters with which editing starts.
 pub fn start(side: Side) -> SideEdit {
     let sigma_a = if side == Side::Front { [16.0, 5.0, 24.0] } else { [9.0, 3.4, 11.0] };
     SideEdit { sigma_a, sigma_s: [14.0, 15.0, 12.0], rho_s_scale: 1.0, m_scale: 1.0 }
 }
 
-/// A stand-in for the slab: two-stream (Kubelka & Munk) reflectance and transmittance over black with K = 2σa, S = ¾σs.
-/// Good enough to move in the right direction; the real program solves the transport equation.
+/// A simple replacement for the slab: two-stream (Kubelka & Munk) reflectance and transmittance over black, with K =
+/// 2σa and S = ¾σs. It changes in the right direction with σa and σs. The real program solves the transport equation.
 pub fn curve(side: &SideEdit) -> SlabCurve {
     let n = 49;
     let (min_mm, max_mm) = (0.005, 1.2);
@@ -100,7 +100,7 @@ fn blade() -> Mesh {
     mesh
 }
 
-/// The scene: a few leaves over each other, under sun and sky.
+/// The scene: a few leaves above each other, under sun and sky.
 pub fn scene(cluster: bool) -> Scene {
     let leaf = Leaf {
         name: "made up".into(),

@@ -13,7 +13,7 @@ use mesophyll_viewer::{Options, Picture, Renderer};
 use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
 use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
-/// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without
+/// Replaces the program around the window. Its slab is a two-stream model, and its reference is the renderer without
 /// shadows.
 struct StandIn;
 

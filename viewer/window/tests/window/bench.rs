@@ -1,4 +1,4 @@
-//! A window without a display, moved by synthetic pointer events, and the editor behind it.
+//! A window without a display, which synthetic pointer events operate, and the editor behind it.
 
 use crate::common::*;
 use glam::{Mat4, Vec3};
@@ -11,18 +11,18 @@ use std::rc::Rc;
 
 pub const PIXELS: [u32; 2] = [1100, 720];
 
-/// What the window asked of its editor.
+/// The requests of the window to its editor.
 #[derive(Default)]
 pub struct Asked {
     pub recomputed: Vec<(usize, LeafEdit)>,
     pub saved: Vec<LeafEdit>,
     pub skies: Vec<(Vec3, f32)>,
     pub checked: usize,
-    /// Where the sun stood, each time that the window asked for shares of it.
+    /// The sun's direction at each request for shares of it.
     pub suns: Vec<Vec3>,
-    /// What every vertex sees of the sun, as soon as the window asks.
+    /// The shares of all vertices, which are ready when the window asks.
     pub ready: Option<Vec<u8>>,
-    /// Why it cannot be known, said once.
+    /// The reason why there are none, which is returned once.
     pub no_shares: Option<String>,
 }
 
@@ -41,7 +41,7 @@ impl Editor for Toy {
             return Err("σs above 200/mm is refused here".into());
         }
         self.asked.borrow_mut().recomputed.push((leaf, *edit));
-        // Thicker and darker pigment: less comes through. Any rule will do that the test can see in the picture.
+        // A larger thickness transmits less. Any rule will do whose effect the test can see in the picture.
         let dim = |c: [f32; 3]| c.map(|v| v * (-(edit.thickness_mm - 0.2) * 4.0).exp());
         let at = edit.thickness_mm;
         Ok(LeafUpdate {
@@ -97,7 +97,7 @@ pub struct Bench {
     pub time: f64,
 }
 
-/// Two bent leaves side by side, and what their window asks for.
+/// Two bent leaves side by side, and the editor that records what their window requests.
 pub fn two_leaves() -> (WindowScene, Toy) {
     let mut leaf = uniform_leaf();
     leaf.sides.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
@@ -126,7 +126,7 @@ pub fn two_leaves() -> (WindowScene, Toy) {
     (window, Toy { asked: Default::default() })
 }
 
-/// A sky that is the brighter the hazier it is: any rule will do that the test can see in the picture.
+/// A sky that becomes brighter with the turbidity. Any rule will do whose effect the test can see in the picture.
 pub fn even_dome(sun: Vec3, turbidity: f32) -> Dome {
     let l = 0.1 * turbidity;
     Dome {
@@ -156,7 +156,7 @@ pub fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
     let asked = toy.asked.clone();
     let ui = ViewerUi::new(window, Box::new(toy), stage.renderer().adapter());
     let mut bench = Bench { stage, ui, asked, time: 0.0 };
-    // Twice: egui settles its layout in the first.
+    // Two frames, because egui settles its layout in the first.
     bench.frame(vec![]);
     bench.frame(vec![]);
     Some(bench)

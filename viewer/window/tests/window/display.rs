@@ -1,15 +1,15 @@
-//! Windows on a display, and on none. Each is opened in a process of its own.
+//! Windows with a display and without one. Each is opened in a process of its own.
 
 use crate::bench::{bench, two_leaves};
 use crate::common::skips;
 use mesophyll_viewer::Error;
 use mesophyll_window::{WindowOptions, open_window};
 
-/// Runs an ignored test of this program in a process of its own: a process may open one window only.
+/// Runs an ignored test of this program in a process of its own, because a process can open only one window.
 fn child(mut command: std::process::Command, test: &str) -> (bool, String) {
     let out = command.args(["--exact", test, "--ignored", "--nocapture"]).output().expect("child");
     let words = format!("{}{}", String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
-    // A test of another name would be left out, and all would be well.
+    // If no test had this name, none would run and the process would succeed. So the count is checked.
     (out.status.success() && words.contains("1 passed"), words)
 }
 
@@ -19,7 +19,7 @@ fn without_a_display_the_window_says_so() {
     command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
     let (passed, words) = child(command, "display::child_without_display");
     assert!(passed && words.contains("the window could not be opened: there is no display here"), "{words}");
-    // No place in the source of a library, as it lay on the machine that built it.
+    // The message must not name a place in a library's source on the machine that built it.
     assert!(!words.contains(".rs") && !words.contains("os error"), "{words}");
 }
 

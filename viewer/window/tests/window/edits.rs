@@ -1,4 +1,4 @@
-//! Edits of leaves: what the editor hears of them, and what the picture shows.
+//! Edits of leaves: what the editor is asked, and what the picture shows.
 
 use crate::bench::{bench, bench_on, two_leaves};
 use crate::common::*;
@@ -11,7 +11,7 @@ fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     let before = bench.brightness();
     let fitted = bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior.clone();
     let slider = bench.ui.landmark_rect("thickness").expect("slider");
-    // The rail takes the slider's left part.
+    // The slider's rail is its left part.
     let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
     bench.drag(handle, egui::vec2(35.0, 0.0));
     let edit = bench.ui.edit(0);
@@ -49,7 +49,7 @@ fn gloss_factors_scale_the_fitted_maps() {
 fn translucency_maps_are_taken_off_and_put_back() {
     let (mut window, toy) = two_leaves();
     window.scene.sun = Some(sun(Vec3::new(-0.4, 0.3, -1.0)));
-    // A tenth of a flat leaf's light: what shows must be seen to change.
+    // A tenth of a flat leaf's light, so that the effect of the maps is visible.
     let coefficients = Coefficients::Factor(vec![[0.0836; 3]; 64]);
     let maps = Translucency { basis: Basis::Bent, coefficients };
     leaf(&mut window.scene, 0).sides.back.translucency = Some(maps.clone());
@@ -57,7 +57,7 @@ fn translucency_maps_are_taken_off_and_put_back() {
     let (dim, dimmed) = (bench.brightness(), bench.pixels());
     bench.click("translucency");
     assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, None);
-    // How much of the picture the leaf takes depends on the window: what changed is what is judged.
+    // The leaf's share of the picture depends on the window, so only pixels that changed are judged.
     let brighter =
         dimmed.iter().zip(bench.pixels()).map(|(a, b)| f64::from(b[1]) - f64::from(a[1])).filter(|d| *d > 2.0);
     let (count, sum) = brighter.fold((0, 0.0), |(n, s), d| (n + 1, s + d));
@@ -65,7 +65,7 @@ fn translucency_maps_are_taken_off_and_put_back() {
     if let Ok(folder) = std::env::var("MESOPHYLL_PICTURES") {
         bench.stage.save_png(&std::path::Path::new(&folder).join("without-maps.png")).expect("png");
     }
-    // Taken off twice is put back once; an edit in between leaves them alone.
+    // Maps that are taken off twice are put back once. An edit between does not change them.
     bench.ui.show_translucency(0, false);
     let edit = bench.ui.edit(0);
     bench.ui.set_edit(0, edit);
@@ -75,7 +75,7 @@ fn translucency_maps_are_taken_off_and_put_back() {
     bench.click("translucency");
     assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, Some(maps));
     assert_eq!(bench.brightness(), dim, "as it was");
-    // A window whose leaves have none has no such control; and nothing to put back.
+    // A window whose leaves have no maps has no such control, and nothing to put back.
     let Some(mut plain) = bench_on(two_leaves()) else { return };
     assert_eq!(plain.ui.landmark_rect("translucency"), None);
     plain.ui.show_translucency(0, true);

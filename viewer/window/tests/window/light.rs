@@ -1,4 +1,4 @@
-//! Sun, sky and wind, moved by hand.
+//! Changes of sun, sky and wind by hand.
 
 use crate::bench::{Bench, PIXELS, bench, bench_on, even_dome, two_leaves};
 use crate::common::*;
@@ -15,7 +15,7 @@ fn sun_and_turbidity_ask_for_another_sky() {
     assert!(bench.asked.borrow().skies.is_empty(), "a sky was asked for before anything was touched");
     let before = bench.brightness();
     let rect = bench.ui.landmark_rect("turbidity").expect("no turbidity slider");
-    // The rail is the left part of the control; its left end is the lowest turbidity.
+    // The rail is the left part of the control, and its left end is the lowest turbidity.
     let at = |share: f32| egui::pos2(rect.left() + 5.0 + share * 100.0, rect.center().y);
     bench.drag(at(0.2), egui::vec2(40.0, 0.0));
     let (sun, turbidity) = *bench.asked.borrow().skies.last().expect("no sky was asked for");
@@ -24,19 +24,19 @@ fn sun_and_turbidity_ask_for_another_sky() {
     assert_eq!(dome.turbidity, turbidity);
     assert!((bench.ui.scene().sun.unwrap().irradiance[0] - turbidity).abs() < 1e-5);
     assert!(bench.brightness() > before + 1.0, "{} {before}", bench.brightness());
-    // Another sun, the same air.
+    // The sun changes, and the turbidity stays.
     let azimuth = bench.place("azimuth");
     bench.drag(azimuth - egui::vec2(60.0, 0.0), egui::vec2(30.0, 0.0));
     let (turned, same) = *bench.asked.borrow().skies.last().unwrap();
     assert!(turned != sun && same == turbidity);
     assert_eq!(bench.ui.scene().dome.as_ref().unwrap().sun, turned);
-    // What is refused leaves the sky as it was, and says why.
+    // A refusal leaves the sky unchanged, and the message says why.
     bench.drag(at(0.5), egui::vec2(60.0, 0.0));
     assert!(bench.ui.message().contains("refused") && bench.ui.scene().dome.as_ref().unwrap().turbidity <= 9.0);
 }
 
-/// Where vertices know their share of the sun, the window asks for the shares of a sun that was moved, draws the old ones
-/// until the new ones are there, and then those.
+/// Where vertices have shares of the sun, the window asks for the shares of a sun that was moved. It draws the old ones
+/// until the new ones are ready.
 #[test]
 fn a_moved_sun_gets_new_shares() {
     let (mut window, toy) = two_leaves();
@@ -45,7 +45,7 @@ fn a_moved_sun_gets_new_shares() {
         instance.first_share = Some((k * vertices) as u32);
     }
     window.scene.sun_shares = Some(std::sync::Arc::new(vec![255; 2 * vertices]));
-    // Nothing else shines, in the picture or on the leaves.
+    // There is no other light, neither in the picture nor on the leaves.
     (window.scene.shadow_samples, window.scene.sky, window.scene.background) = (0, None, [0.0; 3]);
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let first = bench.ui.scene().sun.unwrap().direction;
@@ -56,7 +56,7 @@ fn a_moved_sun_gets_new_shares() {
     let moved = bench.ui.scene().sun.unwrap().direction;
     assert!(moved != first && *bench.asked.borrow().suns.last().unwrap() == moved);
     assert!(bench.ui.scene().sun_shares.as_ref().unwrap().iter().all(|s| *s == 255), "the old shares are gone");
-    // A map of another number of vertices is of another scene.
+    // A map with another number of vertices belongs to another scene.
     bench.asked.borrow_mut().ready = Some(vec![0; 7]);
     bench.frame(vec![]);
     assert_eq!(bench.ui.scene().sun_shares.as_ref().unwrap().len(), 2 * vertices);
@@ -64,7 +64,7 @@ fn a_moved_sun_gets_new_shares() {
     bench.frame(vec![]);
     assert!(bench.ui.scene().sun_shares.as_ref().unwrap().iter().all(|s| *s == 0));
     assert!(bench.brightness() < 0.5 * lit, "{} {lit}", bench.brightness());
-    // What cannot be known is said, and the shares stay.
+    // An error is shown, and the shares stay.
     bench.asked.borrow_mut().no_shares = Some("no shadows".into());
     bench.frame(vec![]);
     assert_eq!(bench.ui.message(), "no shadows");
@@ -113,12 +113,12 @@ fn a_swaying_branch_plays_and_stops() {
     let stopped = time(&bench);
     bench.frame(vec![]);
     assert_eq!(time(&bench), stopped);
-    // By hand: the slider's left end is the time the scene opened with.
+    // By hand: the slider's left end is the time at which the scene was opened.
     let slider = bench.ui.landmark_rect("time").expect("slider");
     let from = egui::pos2(slider.left() + 2.0, slider.center().y);
     bench.drag(from + egui::vec2(30.0, 0.0), egui::vec2(-60.0, 0.0));
     assert_eq!(time(&bench), 0.0);
-    // A view of another time sets the clock, and stops it.
+    // A view with another time sets the clock and stops it.
     let before = picture(&bench);
     bench.click("play");
     bench.click("view later");

@@ -1,4 +1,4 @@
-//! The whole user interface, drawn without a display and moved by synthetic pointer events.
+//! Tests of the whole user interface. It is drawn without a display, and synthetic pointer events operate it.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! The picture: what is drawn, the pointer on it, the camera and the check.
+//! The picture: what is drawn, what is under the pointer, the camera and the check.
 
 use crate::bench::{Bench, PIXELS, bench};
 use crate::common::*;
@@ -12,7 +12,7 @@ fn everything_is_drawn_without_a_display() {
     let pixels = bench.pixels();
     let colours: std::collections::HashSet<[u8; 4]> = pixels.iter().copied().collect();
     assert!(colours.len() > 200, "{} colours", colours.len());
-    // Each of the three columns holds something.
+    // Each of the three columns shows something.
     for (from, to) in [(0, 280), (300, 800), (830, 1090)] {
         let part: std::collections::HashSet<[u8; 4]> =
             pixels.chunks(PIXELS[0] as usize).flat_map(|row| row[from..to].iter().copied()).collect();
@@ -52,7 +52,7 @@ fn the_pointer_reads_texels_and_a_click_chooses_the_leaf() {
     let Some(mut bench) = bench() else { return };
     let rect = bench.ui.landmark_rect("picture").expect("picture");
     let camera = bench.ui.live_camera();
-    // Where a point of the second leaf falls in the picture.
+    // The place of a point of the second leaf in the picture.
     let view = glam::camera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up);
     let p = view.transform_point3(Vec3::new(18.0, 3.0, -0.02 * 36.0));
     let t = (camera.fov_y_deg.to_radians() / 2.0).tan();
@@ -61,7 +61,7 @@ fn the_pointer_reads_texels_and_a_click_chooses_the_leaf() {
     bench.frame(vec![egui::Event::PointerMoved(at)]);
     bench.frame(vec![]);
     let (hit, rows) = bench.ui.under_pointer().expect("a leaf").clone();
-    // x = −6 of ±10 mm, y = 3: column 1 of 8, row 2.
+    // The point is at x = −6 of ±10 mm and y = 3, which is column 1 of 8 and row 2.
     assert_eq!((hit.material, hit.side, hit.texel), (1, Side::Front, [1, 2]));
     assert_eq!(rows[1], ("column".to_string(), "1".to_string()));
     bench.frame(vec![Bench::button(at, true)]);
@@ -83,7 +83,7 @@ fn a_check_shows_its_verdict_until_the_scene_changes() {
         (1, Some(false)),
         "black is no reference for a lit leaf"
     );
-    // Nothing of the panel is wider than the panel: what is, would be cut on both sides.
+    // The content must not be wider than the panel, because it would be cut on both sides.
     let (panel, content) =
         (bench.ui.landmark_rect("right panel").unwrap(), bench.ui.landmark_rect("right panel's content").unwrap());
     assert!(content.width() <= panel.width() + 0.5, "{} in {}", content.width(), panel.width());
@@ -111,7 +111,7 @@ fn back_texels_are_counted_in_the_backs_own_image() {
         c.fov_y_deg = 2.0 * (10.0f32 / 100.0).atan().to_degrees();
         pick(&scene, &c, 1.0, x, 0.3).expect("hit")
     };
-    // Either side's own image runs to the right as its camera sees it.
+    // The image of either side runs to the right as that side's camera sees it.
     for (eye, side) in [(Vec3::Z, Side::Front), (-Vec3::Z, Side::Back)] {
         let h = hit(eye, 0.2);
         assert_eq!((h.side, h.texel), (side, [1, 2]));
@@ -121,7 +121,7 @@ fn back_texels_are_counted_in_the_backs_own_image() {
     assert_eq!(pick(&holed, &camera(Vec3::Z, 100.0), 1.0, 0.5, 0.5), None);
 }
 
-/// The corners of what a check's picture shows lie within the live picture, whatever the window's shape.
+/// The corners of a check's picture lie within the live picture, for any shape of the window.
 #[test]
 fn the_live_picture_shows_all_that_a_view_shows() {
     let Some(bench) = bench() else { return };
