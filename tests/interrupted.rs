@@ -1,5 +1,5 @@
 //! Ctrl-C in the middle of a fit: it stops at once, keeps the parts that are done, and the same command goes on from
-//! there.
+//! there. What a killed run leaves is in nobody's way. `tests/endurance` kills each verb many times.
 #![cfg(unix)]
 
 mod blade;
@@ -110,7 +110,7 @@ fn crowd(dir: &Path) -> String {
 }
 
 #[test]
-fn a_stopped_picture_goes_on_to_the_same_bytes() {
+fn a_stopped_picture_is_one_runs_alone_and_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let scene = crowd(dir.path());
     let args = |out: &str, more: &[&str]| -> Vec<String> {
@@ -121,6 +121,15 @@ fn a_stopped_picture_goes_on_to_the_same_bytes() {
     let started = Instant::now();
     succeeded(&run(args("whole", &[])));
     let whole = started.elapsed();
+    // While one run draws, another one is refused; once the first was killed the folder is free.
+    let mut killed = mesophyll().args(args("stopped", &[])).stderr(Stdio::null()).spawn().unwrap();
+    while !dir.path().join("stopped").exists() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    std::thread::sleep(Duration::from_millis(50));
+    refused(&run(args("stopped", &[])), 2, &["the output folder", "stopped is being written by another run"]);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
     let begun = Instant::now();
     let (output, _, ending) = interrupt(&args("stopped", &[]), || begun.elapsed() > whole / 2);
     refused(&output, 130, &["v: stopped after", "--resume goes on"]);
@@ -132,4 +141,7 @@ fn a_stopped_picture_goes_on_to_the_same_bytes() {
         let [a, b] = ["whole", "stopped"].map(|d| std::fs::read(dir.path().join(d).join(file)).unwrap());
         assert!(a == b, "{file} differs");
     }
+    let list = std::fs::read_dir(dir.path().join("stopped")).unwrap().flatten().map(|e| e.file_name());
+    let hidden: Vec<_> = list.filter(|name| name.to_string_lossy().starts_with('.')).collect();
+    assert!(hidden.is_empty(), "{hidden:?}");
 }

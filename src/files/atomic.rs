@@ -1,4 +1,7 @@
 //! Writes files completely or not at all: under a temporary name beside the target, followed by a rename.
+//!
+//! The temporary name of `FILE` is `.FILE.partial`, and who writes it holds a lock on it. So two runs never write one
+//! file at once, and what a killed run left is recognised, because nobody holds its lock, and replaced by the next run.
 
 use crate::{Error, Result};
 use std::collections::BTreeSet;
@@ -6,6 +9,9 @@ use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// How often a temporary file is made anew that other runs removed just after it was made.
+const TRIES: usize = 16;
 
 /// Writes `path` through `fill`. The name appears only when everything is on disk.
 ///
@@ -60,8 +66,8 @@ impl Pending {
     /// Opens a temporary file in the folder of `path` (created if missing).
     ///
     /// # Errors
-    /// [`Error::Usage`] where no file can be made (a folder of that name, a read-only place), [`Error::Write`] for a
-    /// full disk.
+    /// [`Error::Usage`] where no file can be made (a folder of that name, a read-only place, another run that writes
+    /// it), [`Error::Write`] for a full disk.
     pub fn create(path: &Path) -> Result<Self> {
         if path.is_dir() {
             return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", path.display())));
@@ -93,7 +99,7 @@ impl Pending {
             Err(e) => return Err(here(e)),
         };
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let file = temporary(&format!(".{name}."), ".partial", folder).map_err(here)?;
+        let file = locked(&format!(".{name}"), folder).map_err(here)?;
         if let Some(mode) = old {
             file.as_file().set_permissions(mode).map_err(here)?;
         }
@@ -124,11 +130,56 @@ impl Pending {
     }
 }
 
-/// A temporary file in `folder` with the mode that the umask leaves a new file. (The crate's own default is private,
-/// 0600.)
-fn temporary(prefix: &str, suffix: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+/// The temporary file `NAME.partial` in `folder`, locked. One that a killed run left is removed first.
+///
+/// # Errors
+/// [`io::ErrorKind::WouldBlock`] while another run writes it.
+fn locked(name: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let path = folder.join(format!("{name}.partial"));
+    for _ in 0..TRIES {
+        match temporary(name, 0, folder) {
+            Ok(file) => match file.as_file().try_lock() {
+                // Another run may have taken the file for a rest, and removed it, before it was locked.
+                Ok(()) if same(file.as_file(), &path) => return Ok(file),
+                Ok(()) | Err(fs::TryLockError::WouldBlock) => drop(file.into_temp_path().keep()),
+                // A file system without locks.
+                Err(fs::TryLockError::Error(_)) => return Ok(file),
+            },
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => match fs::File::open(&path) {
+                Ok(rest) => match rest.try_lock() {
+                    Ok(()) if same(&rest, &path) => fs::remove_file(&path)?,
+                    Ok(()) => {}
+                    Err(fs::TryLockError::WouldBlock) => return Err(io::ErrorKind::WouldBlock.into()),
+                    Err(fs::TryLockError::Error(_)) => return temporary(&format!("{name}."), 6, folder),
+                },
+                Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+                Err(e) => return Err(e),
+            },
+            Err(e) => return Err(e),
+        }
+    }
+    Err(io::ErrorKind::WouldBlock.into())
+}
+
+/// Whether `path` is still the name of `file`.
+fn same(file: &fs::File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        path.exists()
+    }
+}
+
+/// A temporary file in `folder`, `NAME.partial` with so many random letters after the name, and with the mode that the
+/// umask leaves a new file. (The crate's own default is private, 0600.)
+fn temporary(name: &str, letters: usize, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix).suffix(suffix);
+    builder.prefix(name).suffix(".partial").rand_bytes(letters);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -194,8 +245,11 @@ pub fn probe_folder(folder: &Path) -> Result<()> {
         Error::Usage(format!("cannot write to the output folder {}: {why}", folder.display()))
     };
     fs::create_dir_all(folder).map_err(fail)?;
-    temporary(".probe", "", folder).map_err(fail)?;
-    Ok(())
+    match locked(".probe", folder) {
+        // Another shard proves it just now.
+        Err(e) if e.kind() == io::ErrorKind::WouldBlock => Ok(()),
+        tried => tried.map(drop).map_err(fail),
+    }
 }
 
 /// An operating-system error in words, without its number.
@@ -209,6 +263,7 @@ pub fn explain(e: &io::Error) -> String {
         io::ErrorKind::UnexpectedEof => "the file ends too early (truncated?)".into(),
         io::ErrorKind::IsADirectory => "found a folder, expected a file".into(),
         io::ErrorKind::NotADirectory => "a file stands where a folder is expected".into(),
+        io::ErrorKind::WouldBlock => "another run is writing it; wait until it has ended".into(),
         io::ErrorKind::AlreadyExists => "something of this name is there already".into(),
         io::ErrorKind::InvalidData if e.to_string().contains("UTF-8") => {
             "found bytes that are not UTF-8, expected a text file".into()
@@ -235,6 +290,22 @@ mod tests {
         });
         assert!(failed.unwrap_err().to_string().contains("the disk is full"));
         assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn one_file_has_one_writer_and_a_rest_is_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        // What a killed run leaves: a file that nobody has locked.
+        fs::write(dir.path().join(".a.txt.partial"), "a rest that is longer").unwrap();
+        let mut first = Pending::create(&path).unwrap();
+        let refused = Pending::create(&path).unwrap_err();
+        assert!(refused.is_usage() && refused.to_string().contains("a.txt: another run is writing it"), "{refused}");
+        first.write_all(b"first").unwrap();
+        first.finish().unwrap();
+        write_bytes(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 

@@ -45,6 +45,8 @@ pub struct Maker {
     pub times: Times,
     /// Folder of the finished parts; empty for a fit without parts.
     parts: Arc<OnceLock<PathBuf>>,
+    /// Whether other shards may write to the folder too.
+    shared: bool,
 }
 
 /// Hash of everything that decides a fit: what it is made from, by name, and the program's version.
@@ -74,11 +76,13 @@ pub fn make<T: Send + 'static>(
         input_hash: String::new(),
         times: Times { threads: rayon::current_num_threads(), ..Times::default() },
         parts: parts.clone(),
+        shared: false,
     };
     let made = match progress::left_when_stopped(move || fit(&mut maker)) {
         None | Some(Err(Error::Interrupted(_))) => Err(stopped(out, parts.get())),
         Some(made) => made,
     };
+    claim::release(out);
     if made.is_err() {
         // Only folders that are empty can be removed.
         new.iter().take_while(|folder| std::fs::remove_dir(folder).is_ok()).for_each(drop);
@@ -116,11 +120,29 @@ impl Maker {
     /// States what the fit is made from (see [`input_hash`]), and claims the folder.
     ///
     /// # Errors
-    /// As [`claim::folder`]: a folder that cannot be written or that holds something else.
+    /// As [`claim::folder`]: a folder that cannot be written, that holds something else, or that another run writes.
     pub fn made_from(&mut self, input_hash: String) -> Result<()> {
         self.input_hash = input_hash;
         let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
-        claim::folder(&self.out, Kind::Fit(self.kind.name()), &inputs)
+        let with = if self.shared { claim::Use::Shared } else { claim::Use::Alone };
+        claim::folder_for(&self.out, Kind::Fit(self.kind.name()), &inputs, with)
+    }
+
+    /// States that this run is one shard of several, which write their parts at the same time. To be said before
+    /// [`Maker::made_from`].
+    pub fn one_of_several(&mut self) {
+        self.shared = true;
+    }
+
+    /// Waits, in a shard that puts the parts of all together, until no other shard writes. Returns the fit if another
+    /// one has finished it meanwhile.
+    pub fn alone(&self) -> Option<Outcome> {
+        if !self.shared {
+            return None;
+        }
+        claim::alone(&self.out);
+        let found = FitRecord::read(&self.out).ok().filter(|record| record.input_hash == self.input_hash);
+        found.filter(|record| record.verify(&self.out).is_ok()).map(|record| Outcome::UpToDate(Box::new(record)))
     }
 
     /// As [`Maker::made_from`]. Returns the fit that the folder holds if it is exactly this fit and unchanged; with

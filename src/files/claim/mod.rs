@@ -3,12 +3,16 @@
 //!
 //! What a folder holds is recognised by the file that its maker writes last ([`Kind`]). Until that file is written, the
 //! hidden file [`MARK`] names the kind. The parts of a stopped fit are in a folder whose name states the kind.
+//!
+//! A claim also locks the folder against other runs ([`lock`]).
 
 mod held;
+mod lock;
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
 use held::{fit_there, holds, is_capture, marked, marks, stranger};
+pub use lock::{Use, alone, release};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -93,11 +97,21 @@ const CAPTURE_NAMES: [&str; 12] = [
 const ENDINGS: [&str; 14] =
     ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4"];
 
-/// Claims `folder` for what a verb makes of `inputs`: creates it if needed, and checks that it can be written.
+/// Claims `folder` for what a verb makes of `inputs`: creates it if needed, checks that it can be written, and locks it
+/// until [`finish`], [`release`] or the end of the program.
 ///
 /// # Errors
-/// [`Error::Usage`] (exit code 2) that names the folder and what it holds. Then nothing was changed.
+/// [`Error::Usage`] (exit code 2) that names the folder and what it holds, or that another run writes it. Then nothing
+/// was changed.
 pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
+    folder_for(folder, kind, inputs, Use::Alone)
+}
+
+/// As [`folder`], for a run that shares the folder with other shards of one fit.
+///
+/// # Errors
+/// As [`folder`].
+pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Result<()> {
     let refuse = |what: &str| {
         let (folder, kind) = (folder.display(), kind.words());
         Err(Error::Usage(format!(
@@ -117,6 +131,8 @@ pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     if let Some(capture) = place.ancestors().skip(1).find(|a| is_capture(a)) {
         return refuse(&format!("lies inside the capture {}", capture.display()));
     }
+    // A folder that another run makes just now says so before anything else: what it holds changes.
+    lock::take(&place, with)?;
     let held = holds(&place, kind);
     if let Some(other) = held.iter().find(|h| !h.same) {
         return refuse(&format!("holds {}", other.words));
@@ -126,7 +142,8 @@ pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     {
         return refuse(&format!("holds files that are no {} ({name})", kind.words()));
     }
-    atomic::probe_folder(folder)
+    atomic::probe_folder(folder)?;
+    lock::take(&place, with)
 }
 
 /// Claims `folder` for a synthetic capture. With `replace`, a synthetic capture may be there, but not a measured one
@@ -229,12 +246,14 @@ pub fn begin(folder: &Path, kind: Kind) -> Result<()> {
     Ok(())
 }
 
-/// Removes the marker: the file that shows the kind has been written.
+/// Removes the marker, because the file that shows the kind has been written, and lets other runs have the folder.
 ///
 /// # Errors
 /// [`Error::Write`] where the marker cannot be removed.
 pub fn finish(folder: &Path) -> Result<()> {
-    remove(&folder.join(MARK))
+    remove(&folder.join(MARK))?;
+    release(folder);
+    Ok(())
 }
 
 /// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes

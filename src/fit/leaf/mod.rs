@@ -113,6 +113,9 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let capture = maker.phase("open and check", || Capture::open(folder))?;
     let input = maker.phase("hash the capture", || input_hash(&capture, options))?;
+    if options.shard.is_some() {
+        maker.one_of_several();
+    }
     if let Some(found) = maker.up_to_date(input, options.force)? {
         return Ok(found);
     }
@@ -170,6 +173,13 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         }
     }
     let step = Instant::now();
+    // The shard that finds all parts finishes the fit; where two find them at the same time, one waits for the other.
+    if jobs.iter().all(Job::is_done)
+        && let Some(found) = maker.alone()
+        && !options.force
+    {
+        return Ok(found);
+    }
     let mut merged = Vec::new();
     for job in &jobs {
         match job.merge()? {

@@ -163,9 +163,14 @@ impl Job<'_> {
         write_exr(&self.path(part), &maps, Packing::Zip)
     }
 
+    /// Whether every part is there.
+    pub fn is_done(&self) -> bool {
+        (0..self.count()).all(|p| self.path(p).exists())
+    }
+
     /// Reads every part into maps of the whole side; `None` while some parts are missing.
     pub fn merge(&self) -> Result<Option<Maps>> {
-        if (0..self.count()).any(|p| !self.path(p).exists()) {
+        if !self.is_done() {
             return Ok(None);
         }
         let manifest = &self.capture.manifest;
