@@ -1,5 +1,5 @@
-//! Ctrl-C in the middle of a fit: it stops at once, keeps the parts that are done, and the same command goes on from
-//! there. What a killed run leaves is in nobody's way. `tests/endurance` kills each verb many times.
+//! Ctrl-C in the middle of a fit. The fit stops at once and keeps the finished parts, and the same command continues
+//! from there. What a run that was killed leaves behind hinders nobody. `tests/endurance` kills each verb many times.
 #![cfg(unix)]
 
 mod blade;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// A leaf whose translucency takes some seconds a side.
+/// A leaf whose translucency takes some seconds for each side.
 fn leaf(dir: &Path) -> String {
     let folder = dir.join("leaf");
     let mut record = Blade { width: 240, height: 180, texel_mm: 0.15, ..Blade::default() }.write(&folder, "elm");
@@ -26,8 +26,8 @@ fn arguments(leaf: &str, out: &Path) -> Vec<String> {
     words.map(String::from).to_vec()
 }
 
-/// Starts the fit, waits until `there` is true, and presses Ctrl-C. The answer is how it ended, how long it took to get
-/// there, and how long it took to end.
+/// Starts the fit, waits until `there` is true, and presses Ctrl-C. Returns the output, the time until `there` was
+/// true, and the time that the stop took.
 fn interrupt(args: &[String], there: impl Fn() -> bool) -> (Output, Duration, Duration) {
     let start = Instant::now();
     let mut child: Child = mesophyll().args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -54,7 +54,7 @@ fn a_stopped_fit_keeps_a_finished_side_and_goes_on_with_the_other() {
     let args = arguments(&leaf, &out);
     let done = || parts(&out).is_some_and(|p| p.join("front.part.toml").exists());
     let (output, reached, ending) = interrupt(&args, done);
-    // The other side takes as long as the first one did. A stop does not wait for it.
+    // The other side would take as long as the first one did. A stop must not wait for it.
     assert!(!output.status.success(), "the fit ended before it could be stopped");
     let kept = parts(&out).unwrap();
     refused(&output, 130, &["interrupted", "run the same command again", kept.to_str().unwrap()]);
@@ -65,7 +65,7 @@ fn a_stopped_fit_keeps_a_finished_side_and_goes_on_with_the_other() {
         names.filter(|n| n.starts_with('.')).collect()
     };
     assert_eq!([hidden(&out), hidden(&kept)].concat(), Vec::<String>::new(), "half-written files are left");
-    // Another kind of fit does not take the folder, and the same one goes on.
+    // Another kind of fit refuses the folder, and the same fit continues.
     refused(&run(["fit", "sky", "-o", out.to_str().unwrap()]), 2, &["a translucency fit that was stopped"]);
     succeeded(&run(&args));
     succeeded(&run(arguments(&leaf, &whole)));

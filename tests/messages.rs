@@ -1,5 +1,5 @@
-//! What stands on standard error: a line every ten seconds of long work, nothing with `--quiet`, and nothing that is
-//! not ours.
+//! The messages on standard error: a line every ten seconds during long work, nothing with `--quiet`, and nothing that
+//! other libraries print.
 
 mod blade;
 mod common;
@@ -17,8 +17,8 @@ fn loud() -> Command {
     command
 }
 
-/// Reads standard error until a line has all the words of `last`: the first line with the words of `first`, when it came,
-/// and that last line. The program is ended then, or after three minutes.
+/// Reads standard error until a line has all the words of `last`. Returns the first line with the words of `first`, the
+/// time when it came, and the last line. Then, or after three minutes, the program is ended.
 fn lines_with(mut child: Child, first: &[&str], last: &[&str]) -> (String, Duration, String) {
     let start = Instant::now();
     let (send, receive) = std::sync::mpsc::channel();
@@ -48,7 +48,7 @@ fn long_work_says_every_ten_seconds_how_far_it_is() {
         command.args(long).arg(dir.path().join(name)).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
     };
     let mut quiet = synth(&mut mesophyll(), "quiet");
-    // The first is of whatever is under way: growing the leaf, or its first frames.
+    // The first line describes the work at that moment: growing the leaf, or its first frames.
     let scanning = ["synth: scanning: ", " of 40000 (", " left"];
     let (line, after, last) = lines_with(synth(&mut loud(), "loud"), &["synth: ", " s"], &scanning);
     assert!(after > Duration::from_secs(8) && after < Duration::from_secs(25), "{line} came after {after:?}");
@@ -61,7 +61,7 @@ fn long_work_says_every_ten_seconds_how_far_it_is() {
     quiet.wait().unwrap();
 }
 
-/// Without a display, as on a server. libwayland complained of XDG_RUNTIME_DIR here whenever Mesa looked for one.
+/// There is no display, as on a server. libwayland complained about XDG_RUNTIME_DIR here whenever Mesa looked for one.
 #[test]
 #[cfg(all(unix, feature = "render"))]
 fn libraries_say_nothing_where_there_is_no_display() {

@@ -1,4 +1,4 @@
-//! Skipped tests are counted, named at the end of `make test`, and failures where everything is required.
+//! Skipped tests are counted and named at the end of `make test`. Where everything is required, they are failures.
 #![cfg(unix)]
 
 #[path = "common/skips.rs"]
@@ -8,7 +8,7 @@ use skips::Need;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A test process that skips for `need`; `require` as continuous integration sets it.
+/// A process that runs a test which skips for `need`. `require` is set as in continuous integration.
 fn child(need: &str, require: &str, list: &Path) -> Output {
     Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "child_that_skips", "--ignored", "--nocapture"])
@@ -51,7 +51,7 @@ fn a_skip_is_counted_and_fails_where_all_is_required() {
             "{said}"
         );
     }
-    // The same test twice is one skipped test.
+    // The same test, skipped twice, counts once.
     let said = summary();
     assert!(said.starts_with("skipped tests: 2\n"), "{said}");
     assert!(

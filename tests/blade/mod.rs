@@ -1,5 +1,5 @@
-//! Fit folders made from formulas: an elliptic, domed blade with known σ, γ, δ, gloss and normals, written exactly as
-//! `fit leaf` does.
+//! Fit folders that are made from formulas: an elliptic, domed blade with known σ, γ, δ, gloss and normals. They are
+//! written exactly as `fit leaf` writes them.
 #![allow(dead_code)]
 
 use glam::{DVec2, DVec3};
@@ -10,25 +10,25 @@ use mesophyll::record::{FitRecord, Param, Section};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What the leaf is like.
+/// The properties of the leaf.
 #[derive(Debug, Clone)]
 pub struct Blade {
     pub width: usize,
     pub height: usize,
     pub texel_mm: f64,
     pub h: f64,
-    /// Per side.
+    /// The coefficients of the front and of the back.
     pub sigma_a: [[f64; 3]; 2],
     pub sigma_s: [[f64; 3]; 2],
     pub rho_s: [f64; 2],
     pub m: [f64; 2],
-    /// 0 makes a uniform leaf, 1 veins of a third the thickness more and γ ± 20 %.
+    /// With 0 the leaf is uniform. With 1 it has veins that are thicker by a third, and γ varies by ± 20 %.
     pub pattern: f64,
     /// Slope of the bumps in the mapped normals.
     pub bump: f64,
     /// Height of the dome (mm).
     pub dome: f64,
-    /// Pigment maps that stray from the scalars by this share.
+    /// Relative deviation of the pigment maps from the scalars.
     pub pigment: f64,
 }
 
@@ -80,7 +80,7 @@ impl Blade {
         Frame { t, b: n.cross(t), n }
     }
 
-    /// Vein strength at a point of the blade (0 to 1).
+    /// Strength of the veins at a point of the blade (0 to 1).
     fn vein(&self, x: f64, y: f64) -> f64 {
         let w = 2.5 * self.texel_mm;
         let ridge = |d: f64| (-(d / w) * (d / w)).exp();
@@ -92,7 +92,7 @@ impl Blade {
     pub fn write(&self, dir: &Path, name: &str) -> FitRecord {
         std::fs::create_dir_all(dir).unwrap();
         let (w, h) = (self.width, self.height);
-        // The gauge: δ is zero in the mean over the good texels.
+        // The gauge: the mean of δ over the good texels is zero.
         let veins: Vec<f64> = (0..w * h)
             .map(|k| ((k % w) as f64 + 0.5 - w as f64 / 2.0, h as f64 / 2.0 - (k / w) as f64 - 0.5))
             .map(|(i, j)| (i * self.texel_mm, j * self.texel_mm))
@@ -119,7 +119,7 @@ impl Blade {
                     let (bx, by) = ((0.9 * x).sin() * self.bump, (0.7 * y + 0.3 * x).cos() * self.bump);
                     let out = if s == 0 { f.n } else { -f.n };
                     let normal = (out + f.t * bx + f.b * by).normalize();
-                    // As this side's camera sees it: the blade was turned about y for the back.
+                    // The normal as this side's camera sees it. For the back, the blade was turned about y.
                     let seen = if s == 0 { normal } else { DVec3::new(-normal.x, normal.y, -normal.z) };
                     for (k, v) in seen.to_array().into_iter().enumerate() {
                         put(format!("normal.{}", ["X", "Y", "Z"][k]), or_nan(v));
@@ -258,7 +258,7 @@ pub fn hashes(dir: &Path) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// Writes the hashes of what is there now into `fit.toml`, as one would who wants a change to go unnoticed.
+/// Writes the hashes of the present files into `fit.toml`, as someone would who wants a change to go unnoticed.
 pub fn rehash(dir: &Path) {
     let mut record = FitRecord::read(dir).unwrap();
     record.files = hashes(dir);
@@ -284,7 +284,7 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// What someone might do to a fit folder.
+/// Changes that someone might make to a fit folder.
 pub fn tamper(how: &str, fit: &Path) {
     let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     match how {
@@ -324,7 +324,8 @@ pub fn tamper(how: &str, fit: &Path) {
     }
 }
 
-/// A scene file beside `fits/`: one leaf in a sun of the given zenith, optionally with a sky, seen from above.
+/// Writes a scene file beside `fits/`: one leaf under a sun with the given zenith angle, with a sky if one is given,
+/// seen from above.
 pub fn scene(dir: &Path, name: &str, leaf: &str, sun_zenith: Option<f64>, sky: Option<f64>, extra: &str) -> PathBuf {
     let sun = sun_zenith.map_or(String::new(), |z| {
         format!("[sun]\nzenith_deg = {z}\nazimuth_deg = 30\nirradiance = [3.0, 3.0, 2.8]\n")

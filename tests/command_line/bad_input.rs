@@ -1,6 +1,6 @@
-//! Bad input and bad places as a user meets them: one sentence, the right exit code, nothing lost. Damaged captures and
-//! interrupted fits are in `leaf_fit.rs`, damaged fits and meshes in `check.rs`; here is what all verbs share, and
-//! scenes.
+//! Bad input and bad places as a user meets them: there is one sentence and the right exit code, and nothing is lost.
+//! Damaged captures and interrupted fits are in `leaf_fit.rs`, damaged fits and meshes in `check.rs`. This file has the
+//! cases that all verbs share, and scenes.
 
 use crate::blade::{Blade, scene};
 use crate::common::{begun_synthesis, mesophyll, refused, run};
@@ -80,7 +80,7 @@ fn files_of_the_wrong_kind_are_said_to_be() {
         std::fs::write(&csv, bytes).unwrap();
         refused(&run(["eval", "slab", "--in", &csv]), 2, &words);
     }
-    // Marks of other systems are no mistake, and a row that is no text is that row's alone.
+    // A byte-order mark and line ends of other systems are allowed. A cell that is no text only affects its own row.
     std::fs::write(&csv, b"\xef\xbb\xbfomega,delta\r\n0.9,1\r\n0.9,\xff\r\n0.5,2\r\n").unwrap();
     let output = run(["eval", "slab", "--in", &csv]);
     let rows = String::from_utf8_lossy(&output.stdout);
@@ -91,7 +91,7 @@ fn files_of_the_wrong_kind_are_said_to_be() {
     );
 }
 
-/// A file where a folder should be, and a place where no one can make files: not even root can write there.
+/// The output is a file where a folder should be, or a place where nobody can create files, not even root.
 #[test]
 fn places_that_cannot_be_written_are_the_command_line_s_mistake() {
     let (dir, path) = workplace();
@@ -117,7 +117,7 @@ fn places_that_cannot_be_written_are_the_command_line_s_mistake() {
     assert_eq!(std::fs::read_to_string(&csv).unwrap(), SLABS);
 }
 
-/// Under a limit of 4 KiB a file, which stops a write in its middle as a full disk does.
+/// Runs under a limit of 4 KiB for a file, which stops a write in its middle as a full disk does.
 #[cfg(unix)]
 fn with_little_room(args: &[&str]) -> Output {
     let words: String = args.iter().map(|a| format!(" '{a}'")).collect();
@@ -158,7 +158,7 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
         assert_eq!(std::fs::read_to_string(&old).unwrap(), "what was there", "{args:?}");
         assert_eq!(std::fs::read_dir(&kept).unwrap().count(), 1, "{args:?} left something behind");
     }
-    // A scan that did not fit is no capture.
+    // A scan that could not be written whole is no capture.
     let scan = text(&dir.path().join("scan"));
     refused(
         &with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]),
@@ -168,7 +168,7 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
     assert_eq!(std::fs::read_dir(&scan).unwrap().count(), 0, "a scan that failed left something behind");
 }
 
-/// The device that is always full, as a file and as standard output.
+/// The device that is always full is the output file, and the standard output.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_device_without_room_is_said_to_be_full() {
@@ -196,7 +196,7 @@ fn a_scan_that_is_stopped_is_no_capture() {
     let child = begun_synthesis(&scan);
     let _ = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     let output = child.wait_with_output().unwrap();
-    // A machine that is done before the signal arrives has nothing to stop.
+    // A machine that finishes before the signal arrives has nothing to stop.
     if !output.status.success() {
         refused(&output, 130, &["stopped before the capture", "nothing of it was kept"]);
         assert_eq!(std::fs::read_dir(&scan).unwrap().count(), 0);
@@ -208,7 +208,7 @@ fn options_that_would_run_without_end_have_limits() {
     let (dir, _) = workplace();
     let csv = text(&dir.path().join("slabs.csv"));
     refused_usage(&run(["eval", "slab", "--in", &csv, "--threads", "65535"]), "1..=1024");
-    // A thickness that no slab has: σ would be beyond all numbers.
+    // No slab has this thickness, because σ would be larger than any number.
     std::fs::write(&csv, "rho_d,rho_t,h\n0.1,0.2,1e-308\n0.1,0.2,1e300\n0.1,0.2,0.2\n").unwrap();
     let output = run(["fit", "slab", "--in", &csv, "--noise", "1e-4"]);
     let rows = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -220,7 +220,7 @@ fn options_that_would_run_without_end_have_limits() {
     refused(&run(["fit", "slab", "--in", &csv]), 2, &["found 200000 columns, expected at most 65536"]);
 }
 
-/// `--resume` stands in the contract: it is what the same command does anyway.
+/// `--resume` is part of the contract. The same command resumes without it too.
 #[test]
 fn fit_leaf_takes_resume() {
     let output = run(["fit", "leaf", "no/such", "-o", "no/such/fit", "--resume"]);
@@ -228,7 +228,7 @@ fn fit_leaf_takes_resume() {
     refused_usage(&run(["fit", "leaf", "no/such", "-o", "x", "--resume", "--force"]), "--force");
 }
 
-/// The parser's own words: several lines, exit code 2.
+/// A message of the argument parser: several lines, and exit code 2.
 #[track_caller]
 fn refused_usage(output: &Output, word: &str) {
     let said = String::from_utf8_lossy(&output.stderr);

@@ -1,4 +1,4 @@
-//! No verb overwrites its input, what another kind of verb made, or what the program did not make.
+//! No verb overwrites its input, the output of another kind of verb, or a file that the program did not make.
 
 use crate::blade::{Blade, scene};
 use crate::common::{begun_synthesis, copy_tree, mesophyll, refused, run, succeeded};
@@ -29,8 +29,8 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Option<Vec<u8>>> {
     out
 }
 
-/// A folder with a small leaf fit, a scene that shows it, a capture, a bench, a sky fit and a table. It is made once:
-/// each test gets a copy.
+/// A folder with a small leaf fit, a scene that shows it, a capture, a bench, a sky fit and a table. It is made once,
+/// and each test gets a copy.
 fn made() -> &'static Path {
     static MADE: OnceLock<tempfile::TempDir> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -48,7 +48,7 @@ fn made() -> &'static Path {
     .path()
 }
 
-/// A copy of what is [`made`].
+/// A copy of the folder of [`made`].
 struct Workplace {
     dir: tempfile::TempDir,
     scene: String,
@@ -109,7 +109,7 @@ fn a_folder_of_another_kind_is_refused_and_stays_as_it_is() {
         refused(&run(&args), 2, &[&["the output folder"], words].concat());
         assert!(before == contents(place.dir.path()), "{args:?} changed something");
     }
-    // The same kind may be made again.
+    // An output of the same kind may be written again.
     succeeded(&run(["fit", "sky", "--bands", "3", "--method", "compact", "-o", &sky]));
     succeeded(&run(["bench", "beam", "-o", &bench]));
 }
@@ -154,12 +154,12 @@ fn a_file_that_belongs_to_something_is_refused_and_stays_as_it_is() {
     }
     #[cfg(unix)]
     {
-        // The shell's redirection of the same file.
+        // The shell redirects the same file to standard input.
         let input = std::fs::File::open(&csv).unwrap();
         let output = mesophyll().args(["eval", "slab", "--out", &csv]).stdin(Stdio::from(input)).output().unwrap();
         refused(&output, 2, &["is what is to be read"]);
     }
-    // A report may lie beside its fit, and may be written again.
+    // A report may be in the folder of its fit, and may be written again.
     for _ in 0..2 {
         succeeded(&run(["report", &elm, "-o", &place.at("fits/elm/report.html")]));
     }
@@ -170,7 +170,7 @@ fn a_file_that_belongs_to_something_is_refused_and_stays_as_it_is() {
 fn force_replaces_a_synthetic_capture_and_nothing_else() {
     let place = Workplace::new();
     let synth = |folder: &str, more: &[&str]| run([&["synth", "-o", folder], SCAN.as_slice(), more].concat());
-    // A folder of somebody's, with names as a capture has them.
+    // A folder that belongs to someone else, with names as in a capture.
     for name in ["mask.exr", "front", "truth/notes.txt", "photographs/holiday.png"] {
         let folder = place.at("stranger");
         let file = Path::new(&folder).join(name);
@@ -187,7 +187,7 @@ fn force_replaces_a_synthetic_capture_and_nothing_else() {
     refused(&synth(&scan, &["--force"]), 2, &["measured capture", "never replaced"]);
     assert!(before == contents(Path::new(&scan)));
     std::fs::rename(place.at("truth"), Path::new(&scan).join("truth")).unwrap();
-    // A synthetic one is replaced; what lies beside its pictures stays.
+    // A synthetic capture is replaced; other files beside its pictures stay.
     let notes = ["scan/notes.txt", "scan/front/notes.txt", "scan/truth/notes.txt"].map(|n| place.at(n));
     notes.iter().for_each(|n| std::fs::write(n, "precious").unwrap());
     std::fs::write(place.at("scan/front/x/0099.exr"), "a frame of a longer scan").unwrap();
@@ -197,7 +197,7 @@ fn force_replaces_a_synthetic_capture_and_nothing_else() {
     succeeded(&run(["inspect", &scan]));
 }
 
-/// A synthesis that was killed can neither be taken for a capture nor be in the way of the next.
+/// A synthesis that was killed is not mistaken for a capture, and does not hinder the next one.
 #[test]
 #[cfg(unix)]
 fn what_a_killed_synthesis_left_is_replaced() {
@@ -242,7 +242,7 @@ fn a_link_is_written_through_and_modes_follow_the_umask() {
         assert!(std::fs::read_to_string(at(link)).unwrap().starts_with("omega,delta,rho_d"));
     }
     assert!(at("far/new.csv").is_file());
-    // A file that is replaced keeps its mode.
+    // A file that is replaced keeps its permissions.
     assert_eq!((mode("far/old.csv"), mode("far/new.csv")), (0o604, 0o644));
     assert_eq!(std::fs::read_dir(at("far")).unwrap().count(), 2, "temporary files were left");
 }

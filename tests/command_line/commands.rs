@@ -1,7 +1,8 @@
-//! The commands of the README and of `docs/` run as they are printed, page by page, in a copy of the working folder.
+//! The commands of the README and of `docs/` are run as they are printed, page by page, in a copy of the working
+//! folder.
 //!
-//! Commands that only a long computation or a window answers are left out here, by name and with the reason, and
-//! counted. Scans are made smaller for the test; the printed command is checked to be accepted as it stands.
+//! Commands that need a long computation or a window are not run. They are listed here with the reason, and counted.
+//! Scans are made smaller for the test. For these, the printed command is only checked to be accepted.
 
 use crate::common;
 use std::path::Path;
@@ -12,7 +13,7 @@ const TISSUE: &str = "its texels have to be this fine, so it cannot be made smal
 
 const TRACED: &str = "slices are made and blades are traced without optimisation: a minute a view";
 
-/// Commands that are not run here, and why.
+/// Commands that are not run, with the reason.
 const LEFT_OUT: [(&str, &str); 30] = [
     ("make demo", "it builds an optimised program and runs the demo scene: minutes"),
     ("make test", "it runs this test"),
@@ -62,7 +63,7 @@ const LEFT_OUT: [(&str, &str); 30] = [
     ("mesophyll bench grass", "a lawn is photographed and weighted five times: a minute of an optimised program"),
 ];
 
-/// What is made smaller for the test: printed words, and the words that are run.
+/// Commands that are made smaller for the test: the printed words, and the words that are run instead.
 const SMALLER: [(&str, &str); 12] = [
     ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),
@@ -82,28 +83,28 @@ fn is_command(text: &str) -> bool {
     ["mesophyll ", "make ", "cargo "].iter().any(|program| text.starts_with(program))
 }
 
-/// The commands of a page in the order of the page: lines of its code blocks and, with `spans`, code within lines.
+/// The commands of a page in their order: lines of its code blocks and, with `spans`, code within lines.
 fn commands(page: &str, spans: bool) -> Vec<String> {
     let mut found = Vec::new();
     for line in page.lines() {
         if let Some(code) = line.strip_prefix("    ").filter(|code| is_command(code)) {
-            // Two blanks and a hash begin a remark.
+            // A remark begins with two blanks and a hash.
             found.push(code.split("  #").next().unwrap_or_default().trim().to_string());
         } else if spans {
             found.extend(line.split('`').skip(1).step_by(2).filter(|span| is_command(span)).map(String::from));
         }
     }
-    // `make demo    # what it does` is one command.
+    // `make demo    # what it does` is one command and a remark.
     found.iter().map(|c| c.split("   ").next().unwrap_or_default().to_string()).collect()
 }
 
-/// What a command writes, by its `-o` or `--out`.
+/// The output path of a command, from its `-o` or `--out`.
 fn written(words: &[&str]) -> Option<String> {
     let at = words.iter().position(|w| ["-o", "--out"].contains(w))?;
     words.get(at + 1).map(|w| w.to_string())
 }
 
-/// Runs a page's commands; the numbers run and left out.
+/// Runs the commands of a page. Returns how many were run and how many were left out.
 #[track_caller]
 fn run_page(page: &str, spans: bool) -> [usize; 2] {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -180,7 +181,7 @@ fn the_commands_of_the_plants_page_run() {
     assert_eq!(run_page("docs/plants.md", false), [10, 0]);
 }
 
-/// No page of commands is forgotten, and nothing is left out that no page has.
+/// Every page with commands is tested, and every command that is left out stands on a page.
 #[test]
 fn the_list_of_what_is_left_out_is_true() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,5 +1,5 @@
-//! Bad tables through the binary, for every batch form: ragged rows, units, headers named twice, other encodings,
-//! readers that leave.
+//! Bad tables for every verb that reads tables: ragged rows, units, repeated column names, other encodings, and readers
+//! that stop reading.
 
 use std::io::{Read, Write};
 use std::process::{Command, Output, Stdio};
@@ -8,7 +8,7 @@ const GEOMETRY: &str = "height_mm = 100.0\ntube_length_mm = 500.0\ntube_radius_m
  -4.0\nu_end = 2.5\nframes = 16\n\
                         noise_relative = 0.01\nnoise_floor = 5e-4\n";
 
-/// A batch form: its arguments, header, a good row, and the name of its first number.
+/// A verb that reads a table: its arguments, the header, a good row, and the name of its first number.
 struct Form {
     args: Vec<String>,
     header: String,
@@ -65,7 +65,7 @@ fn usage_error(form: &Form, input: &str, words: &[&str]) {
     assert!(words.iter().all(|w| said.contains(w)), "{:?}: {said}", form.args);
 }
 
-/// Each row that is ragged is answered in its place, with its own cells before and the reason in the last.
+/// Each ragged row is answered in its place, with its own cells first and the reason in the last cell.
 #[test]
 fn ragged_rows_are_refused_in_their_place() {
     with_forms(|form| {
@@ -85,7 +85,7 @@ fn ragged_rows_are_refused_in_their_place() {
     });
 }
 
-/// With `--json` the rows on standard output are JSON with the cells of the CSV; a file stays CSV.
+/// With `--json` the rows on standard output are JSON with the same cells as the CSV. A file stays CSV.
 #[test]
 fn rows_can_be_json() {
     with_forms(|form| {
@@ -137,8 +137,8 @@ fn a_header_that_names_a_column_twice_or_an_output_is_an_error() {
     });
 }
 
-/// One row in another encoding: its carried cell goes through byte by byte, a number in it is refused, the batch goes
-/// on.
+/// One row has another encoding. A cell that is carried through keeps its bytes, a number in this encoding is refused,
+/// and the batch continues.
 #[test]
 fn another_encoding_stops_no_batch() {
     with_forms(|form| {
@@ -172,8 +172,7 @@ fn another_encoding_stops_no_batch() {
     });
 }
 
-/// Cells with a unit in them are no numbers; a thickness column that names its unit is read in it, and never in
-/// another.
+/// A cell with a unit in it is no number. A thickness column that names its unit is read in this unit.
 #[test]
 fn units_are_never_guessed() {
     let slab = |args: &[&str], text: &str| {
@@ -212,14 +211,14 @@ fn units_are_never_guessed() {
         assert_eq!((out.0, out.1.as_str()), (2, ""), "{args:?}");
         assert!(out.2.contains(word) && out.2.trim().lines().count() == 1, "{}", out.2);
     }
-    // A thickness that names its unit needs no option; a column of another name is not taken for one.
+    // A thickness column that names its unit needs no option. A column with another name is not mistaken for one.
     let named = slab(&[], "rho_d,rho_t,thickness_um\n0.3,0.2,200\n");
     assert_eq!((named.0, numbers(&named.1)), (0, numbers(&mm.1)), "{}", named.2);
     let lacks = slab(&[], "rho_d,rho_t,depth_um\n0.3,0.2,200\n");
     assert!(lacks.0 == 2 && lacks.2.contains("h: no such column") && lacks.2.contains("depth_um"), "{}", lacks.2);
 }
 
-/// `… | head -1`: the reader leaves after a line, the program ends quietly with 0.
+/// `… | head -1`: the reader stops after a line, and the program ends quietly with exit code 0.
 #[test]
 fn a_reader_that_leaves_is_no_failure() {
     with_forms(|form| {
@@ -249,7 +248,7 @@ fn a_reader_that_leaves_is_no_failure() {
     });
 }
 
-/// Blocks are streamed: the first rows are answered before the last are there.
+/// Blocks are streamed: the first rows are answered before the last ones are read.
 #[test]
 fn rows_come_out_while_others_go_in() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_mesophyll"))
@@ -267,10 +266,10 @@ fn rows_come_out_while_others_go_in() {
         let mut some = vec![0u8; 200_000];
         output.read_exact(&mut some).unwrap();
         tell.send(some).unwrap();
-        // The rest is drained, so that nobody waits for anybody.
+        // The rest is read and ignored, so that neither side waits for the other.
         let _ = std::io::copy(&mut output, &mut std::io::sink());
     });
-    // Far fewer rows than a batch may have go in before the reader has had its share: the input is still open then.
+    // The reader gets its share after far fewer rows than a batch may have. The input is still open then.
     let mut some = None;
     for _ in 0..400 {
         input.write_all(&row).unwrap();

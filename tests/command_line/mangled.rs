@@ -1,8 +1,8 @@
-//! Files with mistakes, made by chance: every reader is given files of the repository whose bytes were changed, and
-//! answers with a value or an error. It never panics, and it is never slow or greedy.
+//! Random damage to files. Every reader gets files of the repository with changed bytes, and must return a value or an
+//! error. It must never panic, and never take much time or memory.
 //!
-//! `MESOPHYLL_MANGLED=100000 cargo test --workspace --test command_line mangled:: -- --nocapture` tries that many of
-//! each; a failure prints the seed that makes the same file again.
+//! `MESOPHYLL_MANGLED=100000 cargo test --workspace --test command_line mangled:: -- --nocapture` tries that many files
+//! for each reader. A failure prints the seed that makes the same file again.
 
 use mesophyll::capture::dome::manifest::Manifest as DomeManifest;
 use mesophyll::capture::manifest::Manifest;
@@ -18,16 +18,16 @@ use rand_pcg::Pcg64;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Files of each reader, where nothing else is asked for: few enough for a test of seconds.
+/// Number of files for each reader by default, which takes seconds.
 const FEW: usize = 150;
-/// No file of these sizes keeps a reader longer, however loaded the machine is.
+/// The longest time that a reader may take for a file of these sizes on a busy machine.
 const LONGEST: Duration = Duration::from_secs(20);
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Words that mean something to some reader, or are at an edge.
+/// Words that have a meaning for some reader, or that are extreme values.
 const WORDS: [&[u8]; 20] = [
     b"nan",
     b"inf",
@@ -51,7 +51,7 @@ const WORDS: [&[u8]; 20] = [
     b"\xc3\x28",
 ];
 
-/// The bytes with some mistakes in them.
+/// The bytes with some damage.
 fn mangled(bytes: &[u8], random: &mut Pcg64) -> Vec<u8> {
     let mut made = bytes.to_vec();
     for _ in 0..random.random_range(1..6) {
@@ -67,7 +67,7 @@ fn mangled(bytes: &[u8], random: &mut Pcg64) -> Vec<u8> {
                 made.splice(to..to, piece);
             }
             4 => drop(made.splice(at..at, WORDS[random.random_range(0..WORDS.len())].iter().copied())),
-            // A word in the place of a number or of bytes of the same length.
+            // Puts a word in the place of a number, or in the place of bytes of the same length.
             _ => {
                 let word = WORDS[random.random_range(0..WORDS.len())];
                 let end = (at + word.len()).min(made.len());
@@ -78,7 +78,7 @@ fn mangled(bytes: &[u8], random: &mut Pcg64) -> Vec<u8> {
     made
 }
 
-/// Gives `read` mangled copies of `seed`, under the seed's own name in a folder of their own. How many it took.
+/// Gives `read` damaged copies of `seed`, under the seed's name in a folder of their own. Returns how many it accepted.
 #[track_caller]
 fn try_all(seed: &Path, read: impl Fn(&Path) -> bool) {
     let count = std::env::var("MESOPHYLL_MANGLED").ok().and_then(|n| n.parse().ok()).unwrap_or(FEW);
@@ -98,7 +98,7 @@ fn try_all(seed: &Path, read: impl Fn(&Path) -> bool) {
         taken += usize::from(read);
     }
     println!("{}: {count} mangled, {taken} readable all the same, slowest {slowest:?}", seed.display());
-    // Mistakes that no reader notices would test nothing, and so would mistakes that none lets through.
+    // Damage that no reader notices would test nothing.
     assert!(taken < count, "{}: nothing was noticed", seed.display());
 }
 
@@ -136,7 +136,7 @@ fn descriptions() {
     try_all(&data("grass/clover.toml"), |p| Meadow::read(p).is_ok());
     try_all(&data("tables/device.toml"), |p| Geometry::read(p).is_ok());
     try_all(&root().join("fits/elm/fit.toml"), |p| {
-        // Whether it is the fit's own file is another question than whether it can be read.
+        // The question here is whether the file can be read, not whether it is the fit's own.
         FitRecord::read(p.parent().unwrap()).is_ok()
     });
     for scene in ["demo", "twig", "glossy-sky"] {

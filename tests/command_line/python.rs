@@ -1,5 +1,5 @@
-//! The Python package: the wheel is made, installed into a fresh virtual environment, held against the command line
-//! and tried by the notebooks of `docs/notebooks`.
+//! The Python package. The wheel is built, installed into a fresh virtual environment, compared with the command line,
+//! and used by the notebooks of `docs/notebooks`.
 
 use crate::common::skips::{Need, skip};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Runs a command; its output where it succeeds.
+/// Runs a command that must succeed, and returns its output.
 #[track_caller]
 fn done(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
@@ -32,7 +32,7 @@ fn python() -> Option<PathBuf> {
         let (wheels, fresh) = (folder.path().join("wheels"), folder.path().join("fresh"));
         let mut maturin = Command::new(tools.join("maturin"));
         maturin.args(["build", "--profile", "dev", "--locked", "-m", "src/python/Cargo.toml", "-o"]).arg(&wheels);
-        // The wheel stays on this machine, so it need not run on others.
+        // The wheel is used on this machine only, so it need not run on others.
         maturin.args(["--compatibility", "linux"]).current_dir(root()).env("CARGO", root().join(".ci/cargo-as-tested"));
         done(&mut maturin);
         let wheel = std::fs::read_dir(&wheels).unwrap().flatten().next().expect("a wheel").path();
@@ -42,7 +42,7 @@ fn python() -> Option<PathBuf> {
         let python = fresh.join("bin/python");
         let pip = ["--python", python.to_str()?, "install", "--quiet", "--no-index", "--no-deps"];
         done(Command::new(tools.join("pip")).args(pip).arg(&wheel));
-        // NumPy and matplotlib are those of the tools.
+        // NumPy and matplotlib come from the environment of the tools.
         let ask = "import sysconfig; print(sysconfig.get_path('purelib'))";
         let packages = |python: &Path| done(Command::new(python).args(["-c", ask])).trim().to_string();
         let link = Path::new(&packages(&python)).join("tools.pth");

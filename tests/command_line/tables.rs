@@ -1,7 +1,7 @@
-//! `docs/tables.md`: its files are those of the repository, its commands print what it says, and every verb's `--help`
-//! shows its section.
+//! `docs/tables.md`: its files are those of the repository, its commands print what the page says, and every verb's
+//! `--help` shows its section.
 //!
-//! `MESOPHYLL_WRITE_DOCS=1 cargo test --test tables` writes the printed answers into the page anew.
+//! `MESOPHYLL_WRITE_DOCS=1 cargo test --test tables` writes the printed answers into the page again.
 
 use crate::common;
 use std::path::Path;
@@ -12,9 +12,9 @@ const PAGE: &str = "docs/tables.md";
 /// A fenced block of the page.
 #[derive(Debug)]
 struct Block {
-    /// The verb whose section it stands in.
+    /// The verb to whose section it belongs.
     verb: String,
-    /// Of the first line inside the fence.
+    /// Number of the first line inside the fence.
     line: usize,
     kind: Kind,
     text: String,
@@ -22,10 +22,10 @@ struct Block {
 
 #[derive(Debug, PartialEq)]
 enum Kind {
-    /// A file, by name.
+    /// A file with this name.
     File(String),
     Command,
-    /// What a terminal shows after the command before it: standard output, then messages.
+    /// The output of the command before it in a terminal: standard output, then messages.
     Printed,
 }
 
@@ -65,7 +65,7 @@ fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// What a terminal shows: standard output, then what was said.
+/// The output of a command in a terminal: standard output, then messages.
 fn shown(command: &str, folder: &Path) -> String {
     let words: Vec<&str> = command.split_whitespace().collect();
     assert_eq!(words[0], "mesophyll");
@@ -75,7 +75,7 @@ fn shown(command: &str, folder: &Path) -> String {
     format!("{out}{err}").trim_end().to_string()
 }
 
-/// Words are the same and numbers agree: other processors may change their last digits.
+/// Words must be the same and numbers must agree, because other processors may give other last digits.
 fn same(got: &str, want: &str) -> Result<(), String> {
     let words = |text: &str| text.split([',', ' ', '\n', ';', '%']).map(String::from).collect::<Vec<_>>();
     let (got, want) = (words(got), words(want));
@@ -177,7 +177,7 @@ fn every_help_shows_its_section() {
     }
 }
 
-/// The columns that an example has and prints are explained in its section.
+/// Every column of an example's input and output is explained in its section.
 #[test]
 fn every_column_of_the_examples_is_explained() {
     let page = page();

@@ -1,5 +1,4 @@
-//! What the tests that drive the binary share: running it, small synthetic captures, and places that refuse to be
-//! written.
+//! Helpers for tests that run the program: running it, small synthetic captures, and places that cannot be written.
 #![allow(dead_code)]
 
 pub mod skips;
@@ -14,12 +13,12 @@ pub fn mesophyll() -> Command {
     command
 }
 
-/// Runs with arguments; panics only when the program cannot be started.
+/// Runs the program with arguments. Panics only when it cannot be started.
 pub fn run<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Output {
     mesophyll().args(args).output().expect("the binary starts")
 }
 
-/// Exit code, one sentence on stderr that contains every word given, and no panic.
+/// Asserts an exit code, one sentence on stderr that contains every given word, and no panic.
 #[track_caller]
 pub fn refused(output: &Output, code: i32, words: &[&str]) {
     let text = String::from_utf8_lossy(&output.stderr);
@@ -36,7 +35,7 @@ pub fn succeeded(output: &Output) {
     assert!(output.status.success(), "stderr: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A synthetic scan in a fresh folder: `SPEC` of `data/leaves`, without the extension.
+/// A synthetic scan of `SPEC` of `data/leaves` (without the extension) in a fresh folder.
 pub fn scan(folder: &Path, spec: &str, extra: &[&str]) -> PathBuf {
     let capture = folder.join("scan");
     let spec = format!("data/leaves/{spec}.toml");
@@ -46,7 +45,7 @@ pub fn scan(folder: &Path, spec: &str, extra: &[&str]) -> PathBuf {
     capture
 }
 
-/// A synthesis on one thread that has written its first frame and has many to go.
+/// Starts a synthesis on one thread, and returns when it has written its first frame and has many left.
 pub fn begun_synthesis(scan: &Path) -> std::process::Child {
     let args = ["synth", "data/leaves/elm.toml", "--size", "240x180", "--frames", "60", "--threads", "1", "-o"];
     let mut child = mesophyll().args(args).arg(scan).stderr(std::process::Stdio::piped()).spawn().expect("it starts");

@@ -1,7 +1,7 @@
-//! What some tests need beyond Rust. Where it is missing such a test calls [`skip`] and returns: the skip is counted in
-//! a file under `target/`, which `make test` sums up at its end, because the test harness hides what a passing test
-//! prints. With `MESOPHYLL_REQUIRE_ALL` set, as in continuous integration, a skip is a failure, except for databases
-//! that are not part of the repository.
+//! The things that some tests need besides Rust. Where one is missing, the test calls [`skip`] and returns. The skip is
+//! counted in a file under `target/`, because the test harness hides the output of tests that pass; `make test` prints
+//! the sum at its end. With `MESOPHYLL_REQUIRE_ALL`, as in continuous integration, a skip is a failure. Databases that
+//! are not part of the repository are the exception.
 //!
 //! The library, `tests/` and `viewer/tests` share this file by `#[path]`.
 #![allow(dead_code)]
@@ -9,10 +9,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-/// A thing that a test cannot do without.
+/// A thing that a test needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Need {
-    /// A graphics adapter; a software one will do.
+    /// A graphics adapter, which may be a software adapter.
     Adapter,
     /// A C compiler (`cc`).
     Compiler,
@@ -20,18 +20,18 @@ pub enum Need {
     Display,
     /// A program of the operating system.
     System,
-    /// Real measurements, found through `MESOPHYLL_DATA`: nobody can require what is not in the repository.
+    /// Real measurements in the folder `MESOPHYLL_DATA`. They are not in the repository, so they cannot be required.
     Data,
-    /// A program of others that Debian has no package of, such as Khronos' glTF validator.
+    /// A foreign program that Debian has no package of, such as Khronos' glTF validator.
     Peer,
-    /// What is asked of one graphics interface does not exist in another.
+    /// A property that one graphics interface has and another has not.
     Elsewhere,
 }
 
 /// Counts the calling test as skipped, for `why`.
 ///
 /// # Panics
-/// Where everything is required (`MESOPHYLL_REQUIRE_ALL`) and the need can be met by an installation.
+/// Where everything is required (`MESOPHYLL_REQUIRE_ALL`) and the thing can be installed.
 pub fn skip(need: Need, why: &str) {
     let test = std::thread::current().name().unwrap_or("a test").to_string();
     let required = std::env::var_os("MESOPHYLL_REQUIRE_ALL").is_some_and(|v| !v.is_empty() && v != "0");
@@ -48,8 +48,8 @@ pub fn skip(need: Need, why: &str) {
     }
 }
 
-/// The file that `MESOPHYLL_SKIPPED` names, or `target/skipped-tests.txt`: the folder that holds the running test and
-/// is marked as Cargo's.
+/// The file that `MESOPHYLL_SKIPPED` names, or `target/skipped-tests.txt`. `target` is the folder with Cargo's mark
+/// that holds the running test.
 fn list() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("MESOPHYLL_SKIPPED") {
         return Some(named.into());
@@ -68,7 +68,7 @@ pub fn data(what: &str) -> Option<PathBuf> {
     folder
 }
 
-/// Whether a run of the program said that there is no adapter: then the calling test is skipped.
+/// Whether the program said that there is no adapter. Then the calling test is skipped.
 pub fn no_adapter(output: &std::process::Output) -> bool {
     let none = String::from_utf8_lossy(&output.stderr).contains("no graphics adapter");
     if none {

@@ -1,4 +1,4 @@
-//! Captures under a dome: synthesised, read and reduced, against the truth they were made from.
+//! Captures under a dome are synthesised, read and reduced, and compared with the truth that they were made from.
 
 use mesophyll::capture::dome::synth::{self, Blade, Options};
 use mesophyll::capture::dome::{Capture, Reduced, reduce};
@@ -29,7 +29,7 @@ fn captured(folder: &Path, noise: f64, height_noise_mm: f64) -> PathBuf {
     out
 }
 
-/// The noisy capture that several tests look at, and what became of it.
+/// The noisy capture that several tests use, and its reduction.
 fn noisy() -> &'static (tempfile::TempDir, Capture, Reduced) {
     static ONCE: OnceLock<(tempfile::TempDir, Capture, Reduced)> = OnceLock::new();
     ONCE.get_or_init(|| {
@@ -40,7 +40,7 @@ fn noisy() -> &'static (tempfile::TempDir, Capture, Reduced) {
     })
 }
 
-/// A copy of the noisy capture with something changed.
+/// A changed copy of the noisy capture, and its reduction.
 fn changed(change: impl FnOnce(&Path)) -> (Capture, Reduced) {
     let dir = tempfile::tempdir().unwrap();
     copy(noisy().0.path(), dir.path());
@@ -79,7 +79,7 @@ fn map<'a>(maps: &'a Maps, name: &str) -> &'a [f32] {
     maps.get(name).unwrap()
 }
 
-/// Texels at least `edge` away from the image's edge.
+/// Texels that are at least `edge` away from the image's edge.
 fn inner(edge: usize) -> impl Iterator<Item = usize> {
     (edge..SIZE - edge).flat_map(move |j| (edge..SIZE - edge).map(move |i| j * SIZE + i))
 }
@@ -102,8 +102,8 @@ fn angle(maps: &Maps, r: &Reduced, side: Side, k: usize) -> f64 {
     cos.min(1.0).acos().to_degrees()
 }
 
-/// Without noise transmittance and normals come back (the scans' lean of up to 0.65° stays in these), thickness but for
-/// its zero and a trend over the patch, albedo but for what the highlight varies.
+/// Without noise, transmittance and normals are recovered; normals keep the scans' lean of up to 0.65°. Thickness is
+/// recovered except for its zero and a trend over the patch, and albedo except for variations of the highlight.
 #[test]
 fn an_exact_capture_gives_back_its_truth() {
     let dir = tempfile::tempdir().unwrap();
@@ -116,9 +116,9 @@ fn an_exact_capture_gives_back_its_truth() {
     for s in SIDES {
         let (maps, side) = (truth(&capture, s), r.side(s));
         assert!(r.defects(s).is_empty(), "{:?}", r.defects(s));
-        // What is left of the highlight once the share that the stated index mirrors along the normal is off, over the
-        // true share of the dome that a texel sees. The truth holds both: the albedo that the camera sees is the leaf's
-        // times that share.
+        // The limit contains the part of the highlight that is left where the stated index gives a wrong share for
+        // mirroring along the normal, divided by the true share of the dome that a texel sees. The truth contains both:
+        // the albedo that the camera sees is the leaf's times that share.
         let (veil, seen, leaf) = (map(&maps, "highlight.Y"), map(&maps, "albedo.G"), map(&maps, "rho_d.G"));
         let index = capture.manifest.highlight_index.unwrap()[usize::from(s == Side::Back)];
         let share = ((index - 1.0) / (index + 1.0)).powi(2);
@@ -136,7 +136,7 @@ fn an_exact_capture_gives_back_its_truth() {
     }
 }
 
-/// With noise the photographs' maps scatter as their standard errors say, and thickness and slopes as theirs.
+/// With noise, the photographs' maps, the thickness and the slopes scatter as their standard errors say.
 #[test]
 fn the_stated_errors_are_those_met() {
     let (_, capture, r) = noisy();
@@ -146,7 +146,7 @@ fn the_stated_errors_are_those_met() {
             let t = map(&maps, &format!("transmittance.{end}"));
             let pull =
                 moments(inner(0).map(|k| (side.transmittance[k][c] - f64::from(t[k])) / side.transmittance_err[k][c]));
-            // 10000 texels: the standard error of a mean is .01, of a deviation .007.
+            // For 10000 texels the standard error of a mean is .01, and that of a standard deviation .007.
             assert!(pull.0.abs() < 0.04 && (pull.1 - 1.0).abs() < 0.03, "{} {end}: {pull:?}", s.name());
             let (a, veil) = (map(&maps, &format!("albedo.{end}")), map(&maps, "highlight.Y"));
             let shown = |k: usize| side.albedo[k][c] * side.visible[k] + side.highlight.share;
@@ -155,7 +155,8 @@ fn the_stated_errors_are_those_met() {
             );
             assert!(pull.0.abs() < 0.04 && (pull.1 - 1.0).abs() < 0.03, "{} {end}: {pull:?}", s.name());
         }
-        // What the scanner's own filter blunted (0.05 mm; veins are 0.2 to 0.5 mm wide) is not in the stated error.
+        // The stated error does not contain the smoothing by the scanner's own filter (0.05 mm; veins are 0.2 to 0.5 mm
+        // wide).
         let met = moments(inner(2).map(|k| angle(&maps, r, s, k).to_radians().tan().powi(2))).0.sqrt();
         let stated = 2f64.sqrt() * r.alignment.slope_error[usize::from(s == Side::Back)];
         assert!((0.6..1.7).contains(&(met / stated)), "{} slopes: {met} met, {stated} stated", s.name());
@@ -177,14 +178,14 @@ fn the_blade_is_ready_for_light() {
         let albedo = moments(inner(0).map(|k| r.front.albedo[k][c])).0;
         assert!((enters + albedo - 1.0).abs() < 1e-3);
     }
-    // Heights outward over the middle plane: their sum is the thickness, smoothed a little differently.
+    // Heights point outward from the middle plane. Their sum is the thickness, with a slightly different smoothing.
     let blade = r.blade(1);
     let sum = |k: usize| blade.front.height[k] + blade.back.height[k / SIZE * SIZE + SIZE - 1 - k % SIZE];
     let (mean, sd) = moments(inner(0).map(|k| sum(k) - blade.thickness[k]));
     assert!(mean.abs() < 1e-3 && sd < 0.015, "{mean} {sd}");
 }
 
-/// What is not stated is estimated, and said to be worth less.
+/// A value that is not stated is estimated, and the result says that it is less certain.
 #[test]
 fn noise_and_highlight_that_are_not_stated() {
     let (_, _, told) = noisy();
@@ -243,11 +244,11 @@ fn defects_have_names_and_leave_no_hole_in_the_blade() {
     assert_eq!(r.defects(Side::Back).get("hole"), Some(&4));
     let blade = r.blade(1);
     blade.validate().unwrap();
-    // Filled from beside.
+    // The value is filled from the neighbouring texels.
     assert!((blade.front.entry[at(20, 20)] - blade.front.entry[at(21, 20)]).abs() < 0.05);
     let through = r.transmittance(Side::Front, 1);
     assert!((through[at(60, 60)] - through[at(61, 60)]).abs() < 0.05);
-    // A full scale that some readings reach.
+    // Some readings reach this full scale.
     let (_, r) = changed(|folder| {
         let path = folder.join("capture.toml");
         let text = std::fs::read_to_string(&path).unwrap();
@@ -260,8 +261,8 @@ fn defects_have_names_and_leave_no_hole_in_the_blade() {
     );
 }
 
-/// A back that was rectified one texel off is seen, for slopes then become thickness; where the scans fit, none is
-/// seen.
+/// A back that was rectified with an offset of one texel is detected, because slopes then become thickness. Where the
+/// scans fit, none is reported.
 #[test]
 fn a_shift_of_the_scans_is_seen() {
     let (_, _, r) = noisy();
@@ -270,7 +271,7 @@ fn a_shift_of_the_scans_is_seen() {
     let (_, r) = changed(|folder| {
         let path = folder.join("back/height.exr");
         let mut maps = image::read_exr(&path).unwrap();
-        // To the right in the back's picture is to the left in the front's.
+        // To the right in the back's picture is to the left in the front's picture.
         maps.channels[0].1.chunks_mut(SIZE).for_each(|row| row.rotate_right(1));
         maps.channels[0].1.iter_mut().step_by(SIZE).for_each(|v| *v = f32::NAN);
         image::write_exr(&path, &maps, Packing::Raw).unwrap();

@@ -1,4 +1,4 @@
-//! Captures under a dome as a user meets them: what `synth` and `inspect` say, good input and bad.
+//! Captures under a dome as a user meets them: the messages of `synth` and `inspect` for good and bad input.
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
@@ -13,7 +13,7 @@ fn synth(out: &Path, extra: &[&str]) -> std::process::Output {
     run([&["synth", "data/leaves/elm.toml", "-o", text(out), "--acquisition", "dome"], extra].concat())
 }
 
-/// A patch (the leaf fills it) and a whole leaf, made once.
+/// Captures of a patch that the leaf fills, and of a whole leaf. They are made once.
 fn made() -> &'static (tempfile::TempDir, PathBuf, PathBuf) {
     static ONCE: OnceLock<(tempfile::TempDir, PathBuf, PathBuf)> = OnceLock::new();
     ONCE.get_or_init(|| {
@@ -25,7 +25,7 @@ fn made() -> &'static (tempfile::TempDir, PathBuf, PathBuf) {
     })
 }
 
-/// `inspect --json` of a changed copy: exit code and problems, warnings, notes.
+/// `inspect --json` of a changed copy: exit code, and problems, warnings and notes.
 fn look(from: &Path, change: impl FnOnce(&Path)) -> (i32, [String; 3], String) {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("scan");
@@ -81,7 +81,7 @@ fn good_captures_are_summarised() {
             assert!(said.contains(word), "{word} is missing in\n{said}");
         }
     }
-    // Texels of almost a mm on a leaf of 0.15 mm.
+    // The texels are almost 1 mm wide on a leaf of 0.15 mm.
     let (_, [_, warnings, _], _) = look(whole, |_| {});
     assert!(warnings.contains("light spreads sideways by about its thickness"), "{warnings}");
     let (_, [_, warnings, _], _) = look(patch, |folder| each(folder, "front/albedo.exr", |v| v.min(0.05)));
@@ -154,7 +154,7 @@ fn what_is_wrong_is_named_by_file_and_field() {
             "capture.toml: sides: found [\"front\"], expected [\"front\", \"back\"]",
         ),
         (&|f| toml(f, "kind = \"dome\"", "kind = \"dom\""), "capture.toml: kind: found \"dom\", expected \"dome\""),
-        // Heights that point away from the cameras: veins would be thinner than the blade between them.
+        // Heights point away from the cameras, so veins would be thinner than the blade between them.
         (
             &|f| ["front", "back"].iter().for_each(|s| each(f, &format!("{s}/height.exr"), |v| -v)),
             "expected veins to stand out: heights are positive towards each side's camera",
@@ -167,7 +167,7 @@ fn what_is_wrong_is_named_by_file_and_field() {
         assert!(code == 2 && problems.contains(said), "{said:?} is missing in: {problems}{stderr}");
         assert_eq!(stderr.trim().lines().count(), 1, "{stderr}");
     }
-    // All that is wrong with the files is said at once.
+    // All faults of the files are reported at once.
     let (_, [problems, ..], stderr) = look(patch, |f| {
         std::fs::remove_file(f.join("front/height.exr")).unwrap();
         std::fs::remove_file(f.join("back/translucency.exr")).unwrap();
@@ -247,7 +247,7 @@ fn bad_requests_end_in_one_sentence() {
     }
     let tube = run(["synth", "data/leaves/elm.toml", "-o", text(&out), "--patch-mm", "5", "--patch-at", "1,1"]);
     refused(&tube, 2, &["--patch-at: has no meaning here", "--acquisition dome"]);
-    // A capture of the other kind in the same folder is replaced whole.
+    // A capture of the other kind in the same folder is replaced completely.
     succeeded(&synth(&out, &["--patch-mm", "3", "--size", "12x12"]));
     succeeded(&run(["synth", "data/leaves/elm.toml", "-o", text(&out), "--size", "16x12", "--frames", "8", "--force"]));
     assert!(!out.join("white.exr").exists() && out.join("white").exists());

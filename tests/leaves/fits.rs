@@ -1,9 +1,9 @@
-//! `fits/` is what the program makes of `data/`: its leaves are scanned and fitted anew (as `make fits` does) and
-//! compared with what is committed.
+//! `fits/` contains what the program makes of `data/`. Its leaves are scanned and fitted again (as `make fits` does)
+//! and compared with the committed files.
 //!
-//! On one kind of machine the bytes agree. On another the C library may round an exponential the other way, and then
-//! numbers may differ by a fiftieth of their own standard errors: far less than any change of a model, a convention or
-//! a seed makes.
+//! On the same kind of machine the bytes agree. On another kind the C library may round an exponential in the other
+//! direction. Then numbers may differ by a fiftieth of their own standard errors. That is far less than a change of a
+//! model, a convention or a seed would cause.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
@@ -12,10 +12,10 @@ use mesophyll::placed::{fits::missing, ledger::Ledger};
 use mesophyll::record::FitRecord;
 use std::path::Path;
 
-/// Share of a standard error that a value may differ by.
+/// Largest allowed difference of a value, as a share of its standard error.
 const SHARE: f32 = 0.02;
 
-/// Scans and fits leaf `name` of `data/scenes/fits.toml` into a folder of its own, and compares.
+/// Scans and fits leaf `name` of `data/scenes/fits.toml` in a folder of its own, and compares.
 fn made_anew(name: &str) {
     let manifest = Manifest::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes/fits.toml")).unwrap();
     let index = manifest.leaf_index(name).unwrap();
@@ -35,7 +35,7 @@ fn made_anew(name: &str) {
     );
 }
 
-/// Holds `fresh` against `committed`; the names of files that agree in substance but not in every byte.
+/// Compares `fresh` with `committed`. Returns the names of files that agree, but not in every byte.
 fn compare(committed: &Path, fresh: &Path) -> Vec<String> {
     assert_eq!(names(committed), names(fresh), "{}: other files than a fit writes", committed.display());
     let differing: Vec<String> = names(fresh)
@@ -51,8 +51,8 @@ fn compare(committed: &Path, fresh: &Path) -> Vec<String> {
     differing
 }
 
-/// What is committed of a fit: everything but its times and what it keeps of a synthetic scan's truth, which the scan
-/// can make again.
+/// The committed files of a fit: all except its times and its copy of a synthetic scan's truth, which the scan can make
+/// again.
 fn names(folder: &Path) -> Vec<String> {
     let files = std::fs::read_dir(folder).unwrap().flatten().map(|e| e.file_name().to_string_lossy().into_owned());
     let mut names: Vec<String> = files.filter(|n| n != "times.toml" && !n.ends_with("_truth.exr")).collect();
@@ -145,8 +145,8 @@ fn close_numbers(committed: &Path, fresh: &Path) {
     }
 }
 
-/// The comparison itself: a twentieth of a tolerance passes, five times it does not, and neither does another number in
-/// `fit.toml`.
+/// Tests the comparison itself. A difference of a twentieth of the tolerance passes. Five times the tolerance fails,
+/// and so does another number in `fit.toml`.
 #[test]
 fn a_change_of_a_tenth_of_a_standard_error_is_seen() {
     let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("fits/elm");

@@ -1,5 +1,5 @@
-//! Frames that no fit sees: left out by choice, predicted within their noise, and a wrong fit is caught by them
-//! whatever its files say of themselves.
+//! Frames that no fit uses. They are left out by choice and predicted within their noise. They reveal a wrong fit,
+//! whatever its files say about themselves.
 
 use crate::common::{copy_tree, run, scan, succeeded};
 use mesophyll::files::hash;
@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// A small noisy scan and its fit: 40 frames a pass, one of every 10 left out.
+/// A small noisy scan and its fit, with 40 frames in a pass, of which one in 10 is left out.
 fn fitted() -> &'static (PathBuf, PathBuf) {
     static FIT: OnceLock<(tempfile::TempDir, (PathBuf, PathBuf))> = OnceLock::new();
     &FIT.get_or_init(|| {
@@ -30,7 +30,7 @@ fn report(fit: &Path) -> Value {
     serde_json::from_slice::<Value>(&output.stdout).unwrap()["fits"][0].clone()
 }
 
-/// Largest error in units of the noise over rows of a kind.
+/// Largest error of the rows of one kind, in units of the noise.
 fn off(report: &Value, kind: &str) -> f64 {
     let rows = report["held_out"]["rows"].as_array().unwrap();
     let worst =
@@ -50,7 +50,7 @@ fn held_out_frames_are_named_and_predicted_within_their_noise() {
             let held = &section.held_out[pass];
             assert_eq!((held.frames.len(), held.stored.len()), (4, 2));
             assert_eq!(held.readings, 3 * 4 * section.counts["good"]);
-            // Nine parameters from 72 frames of three channels leave about 4 % more than the noise.
+            // Nine parameters from 72 frames of three channels give an expectation about 4 % above the noise.
             assert!((1.01..1.2).contains(&held.expected), "{held:?}");
             assert!((held.reduced_chi2 / held.expected - 1.0).abs() < 0.1 + 3.0 * held.stderr, "{held:?}");
             assert!(held.share_beyond_3 < 0.01 && held.bias.abs() < 0.1, "{held:?}");
@@ -91,7 +91,7 @@ fn shards_with_held_out_frames_give_the_bytes_of_one_run_and_the_seed_counts() {
     let [a, b] = [&one, &other].map(|d| FitRecord::read(Path::new(d)).unwrap());
     assert_ne!(a.input_hash, b.input_hash);
     assert_ne!(a.sections["front"].held_out["x"].frames, b.sections["front"].held_out["x"].frames);
-    // What a frame held decides nothing once it is left out, but it is part of what the fit was judged by.
+    // A fit without held-out frames has no figures of them, and its report says so.
     succeeded(&run(["fit", "leaf", capture, "-o", &other, "--hold-out", "0"]));
     let none = FitRecord::read(Path::new(&other)).unwrap();
     assert!(none.sections["front"].held_out.is_empty());
@@ -119,7 +119,8 @@ fn a_held_out_frame_is_not_seen_by_the_fit() {
     assert!(held.worst_frame == frame && held.worst_frame_chi2 > 5.0, "{held:?}");
 }
 
-/// What a tamperer does to a side: factors, all maps solved again so that they agree, and every file hashed again.
+/// Tampering with one side: factors, after which all maps are solved again so that they agree, and every file is hashed
+/// again.
 #[derive(Clone, Copy)]
 struct Tamper {
     thickness: f64,
@@ -176,7 +177,8 @@ fn set(maps: &mut Maps, name: &str, plane: Vec<f32>) {
     maps.channels.iter_mut().find(|c| c.0 == name).unwrap().1 = plane;
 }
 
-/// The issue's list. Each entry: what is changed, and whether held-out frames and the light box must see it.
+/// The list of the issue. Each entry says what is changed, and whether held-out frames and the light box must detect
+/// it.
 const LIST: [(&str, Tamper, bool, bool); 5] = [
     ("thickness × 1.3", Tamper { thickness: 1.3, ..HONEST }, false, true),
     ("σa × 1.5", Tamper { sigma_a: 1.5, ..HONEST }, true, true),
@@ -187,8 +189,8 @@ const LIST: [(&str, Tamper, bool, bool); 5] = [
 
 #[test]
 fn a_wrong_but_consistent_fit_is_caught_by_what_was_measured() {
-    // Solving the maps again, with nothing changed, is no tampering: the fit's own ρt is a measurement, the slab's is a
-    // model of it.
+    // Solving the maps again without a change is not tampering. The fit's own ρt is a measurement, and that of the slab
+    // is a model of it.
     let dir = tempfile::tempdir().unwrap();
     let honest = report(&tampered(dir.path(), HONEST));
     assert!(off(&honest, "stored") <= 1.0 / 3.0 && off(&honest, "light_box") <= 1.0 / 3.0, "{:#}", honest["held_out"]);
@@ -257,8 +259,8 @@ mod drawn {
             for who in ["renderer", "reference"] {
                 let drawn = &capture[who];
                 assert!(drawn["off"].as_f64().unwrap() < 0.34, "{capture:#}");
-                // The tube as a sum of points, half floats and the slab's curve, against the exact integral: a small
-                // part of the noise.
+                // The limit covers the differences between the tube as a sum of points, with half floats and the slab's
+                // curve, and the exact integral. It is a small part of the noise.
                 assert!(drawn["from_model"].as_f64().unwrap() < 0.1, "{capture:#}");
             }
             for image in ["measured_image", "image", "reference_image", "residual_image"] {

@@ -1,4 +1,4 @@
-//! `mesophyll inspect`, driven from outside.
+//! `mesophyll inspect`, run as a program.
 
 use crate::samples::write_capture;
 use mesophyll::files::image::{self, Maps, Packing};
@@ -31,7 +31,7 @@ fn a_whole_capture_passes_and_its_noise_is_seen() {
     assert_eq!(lines(&found, "warnings"), "");
     let noise = found["noise"]["relative"].as_f64().unwrap();
     assert!((noise - 0.02).abs() < 0.003, "{noise} against the 2 % that were added");
-    // π · 11 · 8 texels of the disk, give or take its rim
+    // The disk has π · 11 · 8 texels, apart from its rim.
     let leaf = found["leaf_texels"].as_f64().unwrap();
     assert!((leaf - std::f64::consts::PI * 88.0).abs() < 15.0, "{leaf}");
     assert_eq!(found["passes"].as_array().unwrap().len(), 4);
@@ -125,9 +125,9 @@ fn only_a_deep_look_reads_every_sample() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("scan");
     write_capture(&scan, &["front"], &["x"], 0.01);
-    // Frame 40 is in no window of the quick look; its first block is made unreadable, its last row stays whole.
+    // No window of the quick look includes frame 40. Its first block becomes unreadable, and its last row stays intact.
     let path = scan.join("front/x/0040.exr");
-    // (Smooth samples, because noise is stored uncompressed, where no reader can see a change.)
+    // (The samples are smooth, because noise is stored uncompressed, and no reader can detect a change there.)
     let mut smooth = Maps::new(24, 18);
     ["R", "G", "B"].iter().for_each(|c| smooth.push(*c, (0..432).map(|i| (i / 24) as f32 * 0.01).collect()));
     image::write_exr(&path, &smooth, Packing::Zip).unwrap();

@@ -1,4 +1,4 @@
-//! `fit leaf` driven from outside: recovery, resuming, sharding, and every kind of bad capture.
+//! `fit leaf` as a program: recovery, resuming, sharding, and every kind of bad capture.
 
 use crate::common::{copy_tree, mesophyll, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
@@ -7,7 +7,7 @@ use mesophyll::record::FitRecord;
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// A noise-free scan that several tests copy from or read.
+/// A scan without noise that several tests copy or read.
 fn clean_scan() -> &'static Path {
     static SCAN: OnceLock<(tempfile::TempDir, std::path::PathBuf)> = OnceLock::new();
     &SCAN
@@ -75,8 +75,8 @@ fn a_noise_free_scan_is_recovered_to_a_thousandth() {
     assert!((0..mask.len()).all(|k| mask[k] != 1.0 || d[k] + t[k] < 1.0));
 }
 
-/// The light box seen at 40°: the slab is solved for that incidence, and ρt is written for a beam along the normal, as
-/// the truth is.
+/// The light box is seen at 40°. The slab is solved for that incidence, and ρt is written for a beam along the normal,
+/// like the truth.
 #[test]
 fn an_oblique_light_box_recovers_the_same_leaf() {
     let dir = tempfile::tempdir().unwrap();
@@ -87,7 +87,7 @@ fn an_oblique_light_box_recovers_the_same_leaf() {
     let [capture, out] = ["scan", "fit"].map(|n| dir.path().join(n).to_str().unwrap().to_string());
     let args = ["--size", "32x24", "--frames", "48", "--noise", "0"];
     succeeded(&run([["synth", spec.to_str().unwrap(), "-o", capture.as_str()].as_slice(), args.as_slice()].concat()));
-    // What the box shows is not ρt along the normal: converting it is what is tested.
+    // The box does not show ρt along the normal. Its conversion is tested here.
     let read = |name: &str| read_exr(&Path::new(&capture).join(name)).unwrap();
     let (truth, box_, leaf, dark) =
         (read("truth/front.exr"), read("lightbox_empty.exr"), read("front/lightbox.exr"), read("dark.exr"));
@@ -107,8 +107,8 @@ fn an_oblique_light_box_recovers_the_same_leaf() {
     }
 }
 
-/// A tube that is 2 mm from where `capture.toml` puts it: the mirror strip says so, and says by how much the fitted
-/// normals will lean.
+/// The tube is 2 mm away from its place in `capture.toml`. The mirror strip reveals this, and the message says by how
+/// much the fitted normals will lean.
 #[test]
 fn the_mirror_strip_foretells_the_lean_of_the_normals() {
     let dir = tempfile::tempdir().unwrap();
@@ -172,7 +172,7 @@ fn shards_and_a_resumed_run_give_the_bytes_of_one_run() {
         let [a, b] = [&one, &parts].map(|d| std::fs::read(Path::new(d).join(name)).unwrap());
         assert!(a == b, "{name} differs");
     }
-    // the same command again computes nothing
+    // The same command again computes nothing.
     let before = std::fs::metadata(Path::new(&one).join("front.exr")).unwrap().modified().unwrap();
     succeeded(&run(["fit", "leaf", capture, "-o", &one]));
     assert_eq!(std::fs::metadata(Path::new(&one).join("front.exr")).unwrap().modified().unwrap(), before);
@@ -186,7 +186,7 @@ fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
     let out = dir.path().join("fit");
     let args = ["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap(), "--threads", "1"];
     let mut child = mesophyll().args(args).stderr(std::process::Stdio::piped()).spawn().unwrap();
-    // Wait for the first part, then interrupt.
+    // Waits for the first part, then interrupts.
     let parts = |out: &Path| -> usize {
         let folders = std::fs::read_dir(out).into_iter().flatten().flatten().filter(|e| e.path().is_dir());
         folders
@@ -201,7 +201,7 @@ fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
     }
     let _ = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     let output = child.wait_with_output().unwrap();
-    // A machine fast enough to finish first has nothing to resume; everywhere else the run ends as interrupted.
+    // A machine that finishes first has nothing to resume. Everywhere else the run ends as interrupted.
     if !output.status.success() {
         refused(&output, 130, &["interrupted", "run the same command again"]);
         assert!(parts(&out) > 0);
@@ -253,7 +253,7 @@ fn a_truncated_frame_is_named() {
     });
     refused(&fit(&capture, &dir), 2, &["front/y/0005.exr"]);
     assert!(!dir.path().join("fit/fit.toml").exists());
-    // A fit that is there already stays what it was.
+    // A fit that exists already stays unchanged.
     succeeded(&fit(small_scan().to_str().unwrap(), &dir));
     let before = std::fs::read(dir.path().join("fit/fit.toml")).unwrap();
     refused(&fit(&capture, &dir), 2, &["front/y/0005.exr"]);
@@ -271,9 +271,9 @@ fn dead_pixels_are_left_out_and_texels_without_readings_are_named() {
                 let path = c.join(format!("front/{travel}/{k:04}.exr"));
                 let mut maps = read_exr(&path).unwrap();
                 for (_, s) in &mut maps.channels {
-                    s[at] = f32::NAN; // this texel reads nothing in any frame
+                    s[at] = f32::NAN; // this texel has no reading in any frame
                     if k == 5 {
-                        s[at + 1] = f32::NAN; // its neighbour misses one frame
+                        s[at + 1] = f32::NAN; // its neighbour lacks one frame
                     }
                 }
                 write_exr(&path, &maps, Packing::Raw).unwrap();
@@ -338,7 +338,7 @@ fn a_folder_that_cannot_be_written_is_the_command_line_s_mistake() {
 fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("fit");
-    // A file-size limit stands in for a full disk: the same write fails in the middle.
+    // A limit of the file size replaces a full disk: the same write fails in the middle.
     let script = format!(
         "trap '' XFSZ; ulimit -f 8; exec '{}' --quiet fit leaf '{}' -o '{}'",
         env!("CARGO_BIN_EXE_mesophyll"),
@@ -354,13 +354,13 @@ fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
         .filter(|e| e.file_name().to_string_lossy().ends_with(".partial"))
         .collect();
     assert!(litter.is_empty(), "{litter:?}");
-    // With room again the same command goes on and ends well.
+    // With enough room, the same command continues and succeeds.
     succeeded(&run(["fit", "leaf", small_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
     FitRecord::read(&out).unwrap().verify(&out).unwrap();
 }
 
-/// The maps of σa and σs explain every texel by a pigment of its own, while the true elm has one σa and σs and an
-/// albedo factor γ. Their intervals hold the true leaf described in the same way; the exact slab, which the fit does
+/// The maps of σa and σs explain every texel by a pigment content of its own. The true elm has one σa and σs and an
+/// albedo factor γ. The intervals must hold the true leaf described in the same way. The exact slab, which the fit does
 /// not use, turns that description back into the true ρd and ρt.
 #[test]
 fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
@@ -389,8 +389,8 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
             }
             let (share, missed) = (inside as f64 / all as f64, apart as f64 / all as f64);
             assert!((0.93..=0.97).contains(&share), "{side} {name}: {share} of {all}");
-            // The leaf's one σ is another quantity: at this noise these intervals miss it more than three times as
-            // often as the twentieth that they may miss of their own.
+            // The leaf's single σ is another quantity. At this noise these intervals miss it more than three times as
+            // often as they may miss their own quantity, which is one time in twenty.
             assert!(missed > 3.0 * 0.05, "{side} {name}: {missed}");
             let said = record.sections[side].truth[&format!("{name}_map")];
             assert!(
@@ -422,8 +422,8 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
     );
 }
 
-/// σa and σs are inversely proportional to the caliper's thickness: its share stands beside the fit's own, and the two
-/// add as squares.
+/// σa and σs are inversely proportional to the caliper's thickness. The caliper's part of the error is stated
+/// separately, and it adds to the fit's own part as squares.
 #[test]
 fn the_calipers_share_of_an_error_is_stated() {
     let dir = tempfile::tempdir().unwrap();
@@ -444,7 +444,7 @@ fn the_calipers_share_of_an_error_is_stated() {
         for c in 0..3 {
             let share = a.stderr_caliper[c] / a.value[c];
             assert!((share - 0.02).abs() < 1e-9, "{share}");
-            // What the fit without a caliper's error states is the fit's own part.
+            // The error of the fit without a caliper's error is the fit's own part.
             let sum = b.stderr[c].hypot(a.stderr_caliper[c]);
             assert!(
                 (a.stderr[c] / sum - 1.0).abs() < 1e-6 || !sum.is_finite(),
@@ -457,8 +457,8 @@ fn the_calipers_share_of_an_error_is_stated() {
     assert_eq!(thickness.stderr, thickness.stderr_caliper);
 }
 
-/// A leaf made of layers is no slab: its texels are measured as well as any, and the report says that the slab does not
-/// describe them. Texel by texel σa follows the pigments.
+/// A leaf made of layers is no slab. Its texels are measured as well as those of any leaf, and the report says that the
+/// slab does not describe them. From texel to texel, σa follows the pigments.
 #[test]
 fn a_leaf_of_layers_is_fitted_and_its_misfit_is_said() {
     let dir = tempfile::tempdir().unwrap();
@@ -468,17 +468,17 @@ fn a_leaf_of_layers_is_fitted_and_its_misfit_is_said() {
     let record = FitRecord::read(&out).unwrap();
     for side in ["front", "back"] {
         let section = &record.sections[side];
-        // The scan itself is understood to its noise ...
+        // The scan itself is explained within its noise.
         assert!((section.residuals["gloss"].reduced_chi2 - 1.0).abs() < 0.1);
         for quantity in ["rho_d", "rho_t", "rho_s"] {
             let covered = section.truth[quantity].coverage95.unwrap();
             assert!((0.9..0.99).contains(&covered), "{side} {quantity}: {covered}");
         }
-        // ... the leaf is not, and no σ is called true or false that the truth does not have.
+        // The leaf is not. And no σ is compared with a truth that does not have it.
         assert!(section.residuals["transmittance"].reduced_chi2 > 3.0);
         assert!(!section.truth.contains_key("sigma_a") && !section.truth.contains_key("gamma"));
-        // Over the whole thickness σa follows the pigments; what a crossing absorbs is divided between σa and thickness in
-        // another way than in the leaf.
+        // Over the whole thickness, σa follows the pigments. But the division of the absorption between σa and
+        // thickness differs from that in the leaf.
         for c in ["R", "G", "B"] {
             let [whole, per_length] =
                 ["crossing", "absorption"].map(|n| section.figures[&format!("{n}_correlation.{c}")]);

@@ -1,4 +1,4 @@
-//! Leaves: captures synthesised and inspected, fitted, and held against the truth that they were made from.
+//! Leaves: captures are synthesised, inspected and fitted, and compared with the truth that they were made from.
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 

@@ -1,4 +1,4 @@
-//! The scan as it is synthesised and as it is fitted are different code; here they meet.
+//! The code that synthesises a scan and the code that fits it are different. Here their results are compared.
 
 use mesophyll::capture::manifest::{Travel, Tube as SynthTube};
 use mesophyll::capture::synth::illumination::Device;

@@ -1,4 +1,4 @@
-//! `mesophyll synth` from outside: what it writes, that the same seed gives the same bytes, and what it says to bad
+//! `mesophyll synth` as a program: the files it writes, the same bytes from the same seed, and its messages for bad
 //! requests.
 
 use assert_cmd::Command;
@@ -58,7 +58,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
     let (truth, mask) = (read("truth/front.exr"), read("mask.exr"));
     let get = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| f64::from(maps.get(name).unwrap()[k]);
 
-    // The light box: (leaf − dark)/(box − dark) is ρt; the back's is the front's mirrored.
+    // The light box: (leaf − dark)/(box − dark) is ρt, and that of the back is the mirror image of the front's.
     let (dark, empty) = (read("dark.exr"), read("lightbox_empty.exr"));
     let (front, back) = (read("front/lightbox.exr"), read("back/lightbox.exr"));
     let mut on_leaf = 0;
@@ -78,9 +78,9 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
     }
     assert!(on_leaf > 100);
 
-    // A frame, calibrated by the white sheet and a thin tube's closed form (G3; the tube's radius changes it by under 1
-    // %), holds at least the diffuse part, and nothing but it where the mirror direction is far away (last frame of
-    // pass x).
+    // A frame is calibrated by the white sheet and a thin tube's closed form (G3; the tube's radius changes it by less
+    // than 1 %). It holds at least the diffuse part. Where the mirror direction is far away (last frame of pass x), it
+    // holds nothing else.
     let (frame, white) = (read("front/x/0007.exr"), read("white/x/0007.exr"));
     assert_eq!((white.width, white.height), (32, 24));
     for k in (0..32 * 24).filter(|&k| get(&mask, "Y", k) > 0.5) {
@@ -93,7 +93,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
         };
         let flat = 2.0 / std::f64::consts::PI / (r * r) * (half(250.0 - y) + half(250.0 + y));
         let normal = ["X", "Y", "Z"].map(|c| get(&truth, &format!("normal.{c}"), k));
-        // Leaving out the tilt along the tube, which the light's two halves nearly cancel.
+        // The tilt along the tube is left out, because the light's two halves nearly cancel there.
         let tilted = flat * (normal[0] * u + normal[2]).max(0.0);
         let value = (get(&frame, "G", k) - get(&dark, "G", k)) / (get(&white, "G", k) - get(&dark, "G", k)) * flat;
         let diffuse = get(&truth, "rho_d.G", k) * tilted;
@@ -183,8 +183,8 @@ fn every_species_grows() {
     }
 }
 
-/// A leaf made of layers: its truth has pigments and no σ, light is conserved, and what shows on it is the exact
-/// method's for the contents that the truth states.
+/// A leaf made of layers has a truth with pigments and without σ. Light is conserved. The visible colours are those of
+/// the exact method for the stated contents.
 #[test]
 fn a_leaf_of_layers_has_another_truth() {
     use mesophyll::optics::foliar::{Leaf, Oblateness, Path as Crossing, Side as Lit, exact};
@@ -204,7 +204,8 @@ fn a_leaf_of_layers_has_another_truth() {
         let [least, most] = span("chlorophyll.Y");
         assert!(least < 0.5 * most && most > 30.0, "veins hold less: {least} to {most}");
         assert!(span("carotenoid.Y")[0] > 3.0, "carotenoids stay in veins");
-        // Green, at 550 nm in data/tables/pigments.csv; contents of protein, cellulose and water of the specification.
+        // Green, at 550 nm in data/tables/pigments.csv, with the specification's contents of protein, cellulose and
+        // water.
         for &k in inside.iter().step_by(37) {
             let pigments = 12_000.0 * get("chlorophyll.Y", k) + 6000.0 * get("carotenoid.Y", k);
             let depth = 1e-6 * (pigments + 10.0 * 500.0 + 4.4 * 1000.0) + 0.0006 * 0.01;

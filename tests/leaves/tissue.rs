@@ -1,5 +1,5 @@
-//! `mesophyll fit tissue` through the binary: photographs that `synth` makes, on a blade whose maps are the truth's;
-//! then everything that can be wrong with them.
+//! `mesophyll fit tissue` as a program: photographs made by `synth` on a blade whose maps are the true ones, and then
+//! every fault that they can have.
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
@@ -7,14 +7,15 @@ use mesophyll::record::{FitKind, FitRecord, Param, SCHEMA, Section, Times};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Photographs of a patch of an elm leaf in texels of .1 mm, and the leaf fit of just that patch.
+/// Photographs of a patch of an elm leaf in texels of .1 mm, and the leaf fit of this patch.
 struct Set {
     dir: tempfile::TempDir,
     beams: PathBuf,
     blade: PathBuf,
 }
 
-/// Two slanting beams of one elevation, for every other incidence is a transport equation more to solve.
+/// Two slanting beams with one elevation, because every other incidence needs another solution of the transport
+/// equation.
 const SLANTING: [&str; 6] = ["--beam", "front,90,0", "--beam", "front,50,30", "--beam", "back,50,200"];
 
 fn set(size: [&str; 2], beams: &[&str], extra: &[&str]) -> Set {
@@ -37,7 +38,7 @@ fn set(size: [&str; 2], beams: &[&str], extra: &[&str]) -> Set {
     Set { dir, beams: folder, blade }
 }
 
-/// The set with slanting beams and 1 % of noise, made once; a copy of one's own.
+/// A copy of the set with slanting beams and 1 % of noise. The set is made once.
 fn slanting() -> Set {
     static ONCE: OnceLock<Set> = OnceLock::new();
     let made = ONCE.get_or_init(|| set(["3.2", "32x30"], &SLANTING, &["--noise", "0.01", "--seed", "4"]));
@@ -47,10 +48,10 @@ fn slanting() -> Set {
     Set { dir, beams, blade }
 }
 
-/// Error that the leaf fit states of its thickness, texel by texel.
+/// Error of the thickness that the leaf fit states for each texel.
 const THICKNESS_ERR_MM: f32 = 1e-4;
 
-/// A folder as `fit leaf` writes it, from a capture's truth; σ off by a factor.
+/// A folder like that of `fit leaf`, made from a capture's truth, with σ multiplied by a factor.
 fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
     std::fs::create_dir_all(blade).unwrap();
     let mut record = FitRecord { schema: SCHEMA, kind: FitKind::Leaf, name: "elm".into(), ..FitRecord::default() };
@@ -134,7 +135,7 @@ fn photographs_give_back_what_they_were_made_of() {
     assert!((0.9..1.1).contains(&all.figures["reduced_chi2"]), "{:?}", all.figures);
     let trace = &Times::read(&folder).unwrap().traces["tissue"];
     assert!(trace.len() >= 2 && trace.last().unwrap().truth_error.unwrap() < 0.3);
-    // The report shows it, and a second run has nothing to do.
+    // The report shows it, and a second run has nothing to compute.
     let report = run(["report", folder.to_str().unwrap(), "--json"]);
     succeeded(&report);
     assert!(String::from_utf8_lossy(&report.stdout).contains("sigma_s_reduced"));
@@ -161,8 +162,8 @@ fn a_slab_that_is_off_is_told_why() {
     assert_eq!(value("thickness_scale", 0), 1.0);
 }
 
-/// A thickness map that is off by what it states: the photographs scatter far more than their noise, and the printed
-/// errors hold that.
+/// The thickness map is wrong by its stated error. The photographs then scatter far more than their noise, and the
+/// printed errors contain this.
 #[test]
 fn errors_of_the_thickness_map_are_in_the_printed_errors() {
     let set = slanting();
@@ -180,7 +181,7 @@ fn errors_of_the_thickness_map_are_in_the_printed_errors() {
             plane.1.iter_mut().for_each(change);
             write_exr(&path, &maps, Packing::Zip).unwrap();
         };
-        // Evenly spread, of standard deviation .008 mm.
+        // Uniform deviations with a standard deviation of .008 mm.
         change("", &mut |d| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             *d += 0.008 * 12f32.sqrt() * ((state >> 8) as f32 / 16_777_216.0 - 0.5);
@@ -227,7 +228,7 @@ fn bad_input_is_named() {
     let beam = ["synth", "data/leaves/elm.toml", "-o", "x", "--acquisition", "beams", "--beam"];
     refused(&run(beam.iter().chain(&["front,0,0"])), 2, &["--beam", "front,0,0"]);
     refused(&run(["synth", "data/leaves/elm.toml", "-o", "x", "--beam", "front,60,0"]), 2, &["--beam", "beams only"]);
-    // Photographs without a reading, and without the light they claim.
+    // Photographs without a reading, and photographs without the light that they state.
     let first = set.beams.join("photographs/01_front_90_0.exr");
     let saved = std::fs::read(&first).unwrap();
     let mut maps = read_exr(&first).unwrap();
@@ -235,7 +236,7 @@ fn bad_input_is_named() {
     write_exr(&first, &maps, Packing::Raw).unwrap();
     refused(&set.fit(&[]), 2, &["01_front_90_0.exr", "G", "no texel has a reading"]);
     std::fs::write(&first, saved).unwrap();
-    // A leaf fit that states no errors of its thickness.
+    // A leaf fit without stated errors of its thickness.
     let errors = set.blade.join("front_err.exr");
     let saved = std::fs::read(&errors).unwrap();
     std::fs::remove_file(&errors).unwrap();
@@ -250,7 +251,7 @@ fn bad_input_is_named() {
     refused(&set.fit(&[]), 2, &["no leaf fit here"]);
 }
 
-/// `inspect --json`: exit code, problems, warnings, the whole.
+/// `inspect --json`: exit code, problems, warnings, and the whole output.
 fn look(set: &Set) -> (i32, String, String, serde_json::Value) {
     let out = run(["inspect", set.beams.to_str().unwrap(), "--json"]);
     let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
@@ -273,7 +274,7 @@ fn a_good_capture_is_inspected() {
     let set = slanting();
     let (code, problems, warnings, found) = look(&set);
     assert_eq!((code, problems.as_str(), warnings.as_str()), (0, "", ""));
-    // What is there is read and counted: beams, angles, field, brightness, noise.
+    // The content is read and counted: beams, angles, field, brightness, noise.
     let photographs = found["photographs"].as_array().unwrap();
     let angles: Vec<_> =
         photographs.iter().map(|p| ["lit", "elevation_deg", "azimuth_deg"].map(|k| p[k].clone())).collect();
@@ -289,7 +290,7 @@ fn a_good_capture_is_inspected() {
     green.sort_by(f32::total_cmp);
     let median = photographs[0]["colour"][1].as_f64().unwrap();
     assert!(f64::from(green[479]) <= median && median <= f64::from(green[480]), "{median}");
-    // An upper bound of the 1 % that were added.
+    // The ratio is an upper bound of the 1 % that was added.
     let ratio = found["noise_seen_over_stated"].as_f64().unwrap();
     assert!(ratio > 0.8, "{ratio}");
     let out = run(["inspect", set.beams.to_str().unwrap()]);
@@ -349,7 +350,8 @@ fn what_spoils_a_fit_is_a_warning() {
         &|set| each(set, "03_back_50_200.exr", |width, v| v.chunks_mut(width).for_each(<[f32]>::reverse)),
         &["03_back_50_200.exr: agrees with the first photograph better when mirrored"],
     );
-    // Not divided by the white sheet's photograph; a dark level that is too high; a part that is not seen.
+    // Photographs that were not divided by that of the white sheet; a dark level that is too high; a part that is
+    // hidden.
     warned(
         &|set| {
             each(set, "01_front_90_0.exr", |_, v| v.iter_mut().for_each(|v| *v *= 40.0));
@@ -363,7 +365,7 @@ fn what_spoils_a_fit_is_a_warning() {
             "10.0 % of the leaf has no reading",
         ],
     );
-    // A slanting beam against a level sheet, a noise that is none, a low beam, the same beam twice, coarse texels.
+    // A slanting beam with a level sheet, an impossible noise, a low beam, the same beam twice, coarse texels.
     warned(
         &|set| {
             each(set, "02_front_50_30.exr", |_, v| v.iter_mut().for_each(|v| *v *= 3.0));

@@ -1,4 +1,4 @@
-//! `mesophyll fit translucency`, from a scan under a tube and from a capture under a dome, as a user would.
+//! `mesophyll fit translucency` as a program, from a scan under a tube and from a capture under a dome.
 
 use crate::common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::read_exr;
@@ -31,7 +31,7 @@ fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
         for k in 0..mask.len() {
             if leaf.scalar(Quantity::Mask).unwrap()[k] == 1.0 {
                 assert_eq!(thickness[k], measured[k]);
-                // Something enters every texel, and no more than the largest facet area catches.
+                // Light enters every texel, and no more than its largest facets can catch.
                 assert!(entering[k] > 0.0 && entering[k] < 5.0, "{side} {k}: {}", entering[k]);
             }
         }
@@ -42,34 +42,35 @@ fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
             (off, size) = (off + (found - full).powi(2), size + full * full);
             (mean, count) = (mean + full, count + 1.0);
         }
-        // Three functions against the whole convolution; and the leaf as a whole answers n·ω.
+        // The three functions are compared with the whole convolution. The mean over the leaf follows n·ω.
         assert!((off / size).sqrt() < 0.05, "{side}: {}", (off / size).sqrt());
         assert!((mean / count / sin - 1.0).abs() < 0.03, "{side}: {}", mean / count);
     }
-    // The same again is not computed again.
+    // The same command again computes nothing.
     let written = std::fs::metadata(all.join("front.exr")).unwrap().modified().unwrap();
     succeeded(&fit("fits/elm", &all, &[]));
     assert_eq!(written, std::fs::metadata(all.join("front.exr")).unwrap().modified().unwrap());
-    // The report knows what it is.
+    // The report recognises the kind of fit.
     let report = run(["report", all.to_str().unwrap(), "--json"]);
     succeeded(&report);
     let json: serde_json::Value = serde_json::from_slice(&report.stdout).unwrap();
     assert_eq!(json["fits"][0]["kind"], "translucency");
 }
 
-/// The page shows what a fit stores: every coefficient on a side, thickness, light that enters, errors by light angle.
+/// The page shows what a fit stores: every coefficient of a side, thickness, light that enters, and errors by the
+/// light's angle.
 #[test]
 fn the_report_shows_the_maps() {
     let dir = tempfile::tempdir().unwrap();
     for (name, extra, pictures, said) in [
-        // Three lights, three coefficients, thickness, light that enters: a side.
+        // For each side: three lights, three coefficients, thickness, light that enters.
         (
             "one",
             vec![],
             8,
             vec!["Coefficients of f on half-life 2", "azimuth \u{2212}120°, 35° over the blade", "0.836 each"],
         ),
-        // The coefficients as colours and as three wavelengths.
+        // The coefficients as colours, and as three wavelengths.
         ("rgb", vec!["--colour", "three-wavelengths"], 17, vec!["Coefficients of M", "as colours", "8 blue"]),
         (
             "nine",
@@ -105,8 +106,8 @@ fn the_report_shows_the_maps() {
     }
 }
 
-/// A flat uniform leaf in three wavelengths lets through what the slab says: the mean over the elm is near its ρt, a
-/// channel at a time.
+/// In three wavelengths, a flat uniform leaf transmits what the slab says. The mean over the elm is near its ρt, in
+/// each channel.
 #[test]
 fn three_wavelengths_let_through_what_the_light_box_measured() {
     let dir = tempfile::tempdir().unwrap();
@@ -122,7 +123,7 @@ fn three_wavelengths_let_through_what_the_light_box_measured() {
         };
         let through = mean(maps.get(&format!("translucency.{c}")).unwrap());
         let measured = mean(leaf.get(&format!("rho_t.{c}")).unwrap());
-        // Tilted texels catch less of a steep light than the flat texel of the slab: a few per cent.
+        // Tilted texels catch a few per cent less of a steep light than the flat texel of the slab.
         assert!((0.93..1.01).contains(&(through / measured)), "{c}: {through} {measured}");
     }
 }
@@ -151,12 +152,12 @@ fn a_capture_under_a_dome_goes_the_same_way() {
     let record = std::fs::read_to_string(out.join("leaf/fit.toml")).unwrap();
     let record: toml::Table = record.parse().unwrap();
     let front = &record["front"];
-    // Within three of its standard errors of the specification's σa (11.4 in green).
+    // The value is within three of its standard errors of the specification's σa (11.4 in green).
     let (value, err) =
         (front["sigma_a"]["value"][1].as_float().unwrap(), front["sigma_a"]["stderr"][1].as_float().unwrap());
     assert!((value - 11.4).abs() < 3.0 * err && err < 0.2 * value, "{value} {err}");
     assert!(front["truth"]["rho_t"]["coverage95"].as_float().unwrap() > 0.9);
-    // A tube's options mean nothing here, and a dome's nothing there.
+    // A tube's options are refused here, and a dome's options there.
     let leaf = |extra: &[&str]| {
         let mut args = vec!["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()];
         args.extend(extra);
@@ -181,7 +182,7 @@ fn what_is_no_leaf_fit_is_refused_by_name() {
     );
     let tube = scan(dir.path(), "elm", &["--size", "24x18", "--frames", "8"]);
     refused(&fit(tube.to_str().unwrap(), &out, &[]), 2, &["scan under a tube", "fit leaf"]);
-    // A map that ends early.
+    // One of the maps is truncated.
     let damaged = dir.path().join("damaged");
     copy_tree(Path::new("fits/elm"), &damaged);
     let bytes = std::fs::read(damaged.join("front.exr")).unwrap();
@@ -190,7 +191,7 @@ fn what_is_no_leaf_fit_is_refused_by_name() {
     assert!(!out.join("fit.toml").exists());
 }
 
-/// A slip in -o costs neither a fit nor a capture.
+/// A wrong -o destroys neither a fit nor a capture.
 #[test]
 fn nothing_fitted_or_measured_is_overwritten_by_another_kind_of_fit() {
     let dir = tempfile::tempdir().unwrap();
@@ -204,7 +205,7 @@ fn nothing_fitted_or_measured_is_overwritten_by_another_kind_of_fit() {
     refused(&fit("fits/elm", &leaf, &[]), 2, &[from, "holds the leaf fit \"elm\""]);
     refused(&fit(from, &capture, &[]), 2, &[capture.to_str().unwrap(), "holds a capture"]);
     assert_eq!(std::fs::read(leaf.join("fit.toml")).unwrap(), before);
-    // And a map that is not what was fitted is not taken for it.
+    // A map that was changed after the fit is detected.
     std::fs::copy(leaf.join("back.exr"), leaf.join("front.exr")).unwrap();
     refused(&fit(from, &maps, &[]), 1, &["front.exr", "changed since it was fitted"]);
 }

@@ -1,5 +1,5 @@
-//! Texels that are wild, captures that are wrong, and two sides that disagree: a leaf fit holds against the first and
-//! says the others.
+//! Wild texels, wrong captures, and sides that disagree. A leaf fit is robust against the first, and reports the
+//! others.
 
 use crate::common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
@@ -8,7 +8,7 @@ use mesophyll::record::{FitRecord, NOISE_SEEN};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// A noisy scan and its fit, to spoil copies of.
+/// A noisy scan and its fit. Tests damage copies of them.
 fn clean() -> &'static (PathBuf, FitRecord) {
     static CLEAN: OnceLock<(tempfile::TempDir, (PathBuf, FitRecord))> = OnceLock::new();
     &CLEAN
@@ -27,7 +27,7 @@ fn fit(capture: &Path, out: &Path) -> FitRecord {
     FitRecord::read(out).unwrap()
 }
 
-/// A copy of the clean capture in which `change` may alter every frame of the front: given the frame's number and its
+/// A copy of the clean capture in which `change` may alter every frame of the front. It gets the frame's number and its
 /// channels.
 fn spoilt(dir: &Path, change: impl Fn(usize, &mut [f32], usize)) -> PathBuf {
     let copy = dir.join("spoilt");
@@ -53,14 +53,14 @@ fn every(step: usize) -> Vec<usize> {
     leaf.into_iter().skip(step / 2).step_by(step).collect()
 }
 
-/// Numbers that look random and are not.
+/// Numbers that look random but are always the same.
 fn scrambled(seed: usize) -> f32 {
     let x = (seed as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let x = (x ^ (x >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     ((x >> 40) as f32) / (1u64 << 24) as f32
 }
 
-/// Difference of the front's σa to the clean fit's, in the clean fit's standard errors, a channel.
+/// Difference of the front's σa from that of the clean fit, in the clean fit's standard errors, for each channel.
 fn moved(record: &FitRecord) -> [f64; 3] {
     let (now, before) = (&record.sections["front"].params["sigma_a"], &clean().1.sections["front"].params["sigma_a"]);
     [0, 1, 2].map(|c: usize| (now.value[c] - before.value[c]).abs() / before.stderr[c])
@@ -81,7 +81,7 @@ fn one_hot_texel_is_named_and_moves_nothing() {
     }
 }
 
-/// The breakdown test: constant, random, and scaled texels in turn.
+/// The breakdown test, with constant, random and scaled texels in turn.
 #[test]
 fn one_per_cent_of_wild_texels_moves_less_than_the_error_and_ten_are_bounded() {
     for (step, limit) in [(100, 1.0), (10, 20.0)] {
@@ -105,8 +105,8 @@ fn one_per_cent_of_wild_texels_moves_less_than_the_error_and_ten_are_bounded() {
     }
 }
 
-/// Frames of random values up to 1e38 used to hang in a decomposition without a limit. A few texels are enough to get
-/// there.
+/// With random values up to 1e38 in the frames, a decomposition without a limit once ran forever. A few texels are
+/// enough for this.
 #[test]
 fn frames_of_any_size_end_in_a_sentence() {
     let dir = tempfile::tempdir().unwrap();
@@ -146,7 +146,8 @@ fn verdict(fit: &Path) -> (String, String) {
     (verdict["level"].to_string(), verdict["reasons"].to_string())
 }
 
-/// A camera at 50° instead of 55° leaves a reduced χ² of 1.1: small, but tens of its own standard deviations.
+/// A camera at 50° instead of 55° leaves a reduced χ² of 1.1. This is small, but many of its own standard deviations
+/// above 1.
 #[test]
 fn a_wrong_camera_angle_is_a_finding() {
     let dir = tempfile::tempdir().unwrap();
@@ -177,7 +178,7 @@ fn a_wrong_camera_angle_is_a_finding() {
     assert!(reasons.contains("camera's angle") && reasons.contains("mirror"), "{reasons}");
 }
 
-/// One side's albedo is half of what it was: each side alone still looks right, together they cannot be.
+/// One side's albedo is half of the right value. Each side alone looks right, but the two contradict each other.
 #[test]
 fn sides_that_disagree_are_said_and_widen_the_errors() {
     let agreeing = &clean().1.sections["sides"];

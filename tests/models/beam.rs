@@ -1,4 +1,4 @@
-//! `eval beam` and `fit beam` from the outside.
+//! `eval beam` and `fit beam` as programs.
 
 use assert_cmd::Command;
 use std::path::Path;
@@ -15,7 +15,7 @@ fn table(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
     (header, reader.records().map(|r| r.unwrap().iter().map(String::from).collect()).collect())
 }
 
-/// Value of a named column.
+/// The value of a named column.
 fn cell(answer: &(Vec<String>, Vec<Vec<String>>), row: usize, column: &str) -> f64 {
     let k = answer.0.iter().position(|h| h == column).unwrap();
     answer.1[row][k].parse().unwrap()
@@ -29,7 +29,8 @@ fn eval_answers_and_refuses_by_name() {
     let answer = table(&out);
     assert_eq!(answer.0, ["x", "note", "alpha", "u", "du", "status"]);
     assert_eq!(answer.1.len(), 12);
-    // An untapered beam: u(1) = 1/(2π), u′(1) = 2/(3π); its neighbour differs in the seventh digit.
+    // An untapered beam has u(1) = 1/(2π) and u′(1) = 2/(3π). The value at the neighbouring place differs in the
+    // seventh digit.
     let pi = std::f64::consts::PI;
     assert!(
         (cell(&answer, 0, "u") * 2.0 * pi - 1.0).abs() < 1e-13
@@ -60,14 +61,14 @@ fn fit_gives_the_printed_pair_and_a_better_basis() {
     {
         assert!((cell(&answer, row, "c2") - c2).abs() <= 5e-7 && (cell(&answer, row, "c4") - c4).abs() <= 5e-7);
     }
-    // The better basis against the exact beam, at all rows, in units of the tip.
+    // The better basis is compared with the exact beam, for all rows, in units of the tip.
     let eval: String = ["0.05", "0.1", "0.2", "0.3", "1e-4", "1"].iter().map(|a| format!("{a},1\n")).collect();
     let (_, tips, _) = mesophyll(&["--quiet", "eval", "beam"], &format!("alpha,x\n{eval}"));
     let tips = table(&tips);
     for row in 0..6 {
         let (tip, worst) = (cell(&tips, row, "u"), cell(&answer, row, "a_max_error"));
         assert!(worst < 0.01 * tip, "{row}: {worst} of {tip}");
-        // At the tip y = 1: the coefficients' sum is the deflection there.
+        // At the tip y = 1, so the sum of the coefficients is the deflection there.
         let sum: f64 = ["a2", "a3", "a4", "a5"].iter().map(|a| cell(&answer, row, a)).sum();
         assert!((sum - tip).abs() <= worst * (1.0 + 1e-9), "{row}: {sum} {tip} {worst}");
     }
@@ -78,7 +79,7 @@ fn record_of(fit: &Path) -> String {
     std::fs::read_to_string(fit.join("fit.toml")).unwrap()
 }
 
-/// Taper and load are found where only the radius is missing, and the sentence at the end says so.
+/// Taper and load are determined where only the radius is missing, and the sentence at the end says so.
 #[test]
 fn what_was_found_is_said() {
     let twig = concat!(env!("CARGO_MANIFEST_DIR"), "/data/branches/elm-twig.csv");
@@ -109,7 +110,7 @@ fn what_was_found_is_said() {
     );
 }
 
-/// Deflections that `eval beam` gives, as marks: what `fit beam --deflections` gets back.
+/// Deflections of `eval beam` are used as marks, and `fit beam --deflections` recovers the beam.
 #[test]
 fn measured_branches_are_fitted_and_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -157,7 +158,8 @@ fn measured_branches_are_fitted_and_named() {
     let record = record_of(&fit);
     assert!(record.contains("kind = \"beam\"") && record.contains("branch oak"), "{record}");
     assert!(fit.join("times.toml").exists());
-    // Rows and folder both by -o, --out and, as it once was, --output: a name with an ending is the file of the rows.
+    // The names of rows and folder may follow -o, --out and the older --output. A name with an extension is the file of
+    // the rows.
     for option in ["-o", "--out", "--output"] {
         let (place, rows) =
             (folder.path().join(format!("fit{option}")), folder.path().join(format!("rows{option}.csv")));
@@ -199,7 +201,7 @@ fn the_basis_is_written_as_a_fit() {
     assert_eq!(record["termination"].as_str(), Some("direct"));
     assert_eq!(record["all"]["a2"]["value"].as_array().unwrap().len(), 6);
     assert_eq!(record["all"]["rank"].as_integer(), Some(24));
-    // A report can be made of it.
+    // A report of this fit can be made.
     let page = folder.path().join("page.html");
     let (code, _, err) = mesophyll(&["--quiet", "report", fit.to_str().unwrap(), "-o", page.to_str().unwrap()], "");
     assert_eq!(code, 0, "{err}");

@@ -1,10 +1,10 @@
-//! `eval dipole` from the outside, against sums written here.
+//! `eval dipole` as a program, compared with sums that are written here.
 
 use crate::common;
 use std::io::Write;
 use std::process::Stdio;
 
-/// T of the dipole sum, terms paired from the weakest on (H9 Eq. 3.8 with the corrected bracket).
+/// T of the sum of dipoles (H9 Eq. 3.8 with the corrected bracket). Terms are paired, beginning with the weakest.
 fn dipole_sum([sigma_a, sigma_s, g, a]: [f64; 4], n: i32, d: f64, r: f64) -> f64 {
     let scattering = (1.0 - g) * sigma_s;
     let extinction = sigma_a + scattering;
@@ -24,7 +24,7 @@ fn dipole_sum([sigma_a, sigma_s, g, a]: [f64; 4], n: i32, d: f64, r: f64) -> f64
 
 const TABLE: [f64; 4] = [0.4, 10.2, 0.07, 1.0];
 
-/// Rows of `eval dipole` by name: t (NaN where empty) and status.
+/// Rows of `eval dipole`: t (NaN where empty) and status.
 fn eval(args: &[&str], input: &str) -> Vec<(f64, String)> {
     let mut child = common::mesophyll()
         .args(["eval", "dipole"])
@@ -63,10 +63,10 @@ fn the_sum_is_the_papers_corrected_one() {
     }
     for (got, want) in eval(&[], &input).iter().zip(&want) {
         assert!((got.0 / want - 1.0).abs() < 1e-12, "{got:?} {want}");
-        // Far out, three dipoles of a thin blade are too few, and turn negative.
+        // Far from the beam, three dipoles are not enough for a thin blade, and the sum becomes negative.
         assert!(if *want > 0.0 { got.1 == "ok" } else { got.1.starts_with("undetermined: t: negative") }, "{got:?}");
     }
-    // The printed (1 + σtr d e^(−σtr d)) would be far off, and negative at distance.
+    // The printed factor (1 + σtr d e^(−σtr d)) would be far off, and negative at a distance.
     let options = ["--sigma-a", "1.5", "--sigma-s=8", "--g=-0.2", "--a", "1.3", "--dipoles", "7"];
     let got = eval(&options, "thickness,radius\n0.2,0.1\n");
     assert!((got[0].0 / dipole_sum([1.5, 8.0, -0.2, 1.3], 7, 0.2, 0.1) - 1.0).abs() < 1e-12);
@@ -82,7 +82,7 @@ fn where_diffusion_does_not_hold_the_status_says_so() {
         assert!(got[row].1.starts_with("undetermined: t: "), "{:?}", got[row]);
     }
     assert_eq!(got[3].1, "ok");
-    // Hardly any absorption: seven dipoles leave out a quarter and more of the light.
+    // With hardly any absorption, seven dipoles leave out at least a quarter of the light.
     let few = eval(&["--sigma-a", "0.001"], "thickness,radius\n0.2,0.5\n");
     assert!(few[0].1.starts_with("undetermined: t: 3 dipoles leave out 67 %"), "{few:?}");
     assert!(few[0].0.is_finite());
@@ -122,7 +122,7 @@ fn bad_rows_and_bad_options_are_named() {
     {
         assert!(got[row].1.starts_with(status) && got[row].0.is_nan(), "{:?}", got[row]);
     }
-    // Far out and deep down there is no light left, and no NaN.
+    // Far from the beam and deep in the leaf there is no light left, and no NaN.
     assert!(got[7].0 == 0.0 && got[8].0 == 0.0, "{got:?}");
     assert!(got[7..].iter().all(|row| row.1 == "ok"), "{got:?}");
     for (args, word) in
@@ -133,8 +133,8 @@ fn bad_rows_and_bad_options_are_named() {
     }
 }
 
-/// Diffusion loses strongly absorbed light: 1 mm at σa = 2/mm passes a quarter less by the thin form than by the
-/// transport equation.
+/// Diffusion loses light that is strongly absorbed. At σa = 2/mm, the thin form transmits a quarter less through 1 mm
+/// than the transport equation.
 #[test]
 fn a_total_that_is_far_off_the_transport_equation_is_not_ok() {
     for (sigma_a, words) in [("2", ["undetermined: t: the form's total is -", "ok"]), ("0.4", ["ok", "ok"])] {

@@ -1,4 +1,4 @@
-//! `mesophyll eval gloss` and `fit gloss`, through the binary.
+//! `mesophyll eval gloss` and `fit gloss` as programs.
 
 use crate::skips;
 use assert_cmd::Command;
@@ -44,7 +44,7 @@ fn what_eval_shows_fit_gives_back() {
         let (code, fits, err) = mesophyll(&["fit", "gloss", "--geometry", geo, "--lobe", lobe, "-q"], &traces);
         assert_eq!((code, err.as_str()), (0, ""));
         for (row, t) in rows(&fits).iter().zip(truth) {
-            // Without noise the truth comes back far inside the errors that the stated noise gives.
+            // Without noise, the truth is recovered far within the errors that follow from the stated noise.
             for (name, want) in [("rho_d", t.0), ("rho_s", t.1), ("m", t.2), ("tilt", t.3)] {
                 let (got, err) = (number(row, name), number(row, &format!("{name}_err")));
                 assert!((got - want).abs() < 0.1 * err && err > 0.0, "{lobe} {name}: {got} ± {err}, truth {want}");
@@ -54,7 +54,7 @@ fn what_eval_shows_fit_gives_back() {
     }
 }
 
-/// Tilts in degrees are tilts in radians times π/180.
+/// Tilts in degrees are those in radians times 180/π.
 #[test]
 fn tilts_may_be_given_in_degrees() {
     let dir = tempfile::tempdir().unwrap();
@@ -89,7 +89,7 @@ fn noisy_rgb_traces_and_their_errors() {
     for (name, want) in [("rho_d_g", 0.2), ("rho_d_b", 0.05), ("rho_s_r", 0.05), ("m", 0.25), ("tilt", 0.08)] {
         let inside =
             fits.iter().filter(|r| (number(r, name) - want).abs() < 1.96 * number(r, &format!("{name}_err"))).count();
-        // 285 expected, standard deviation 3.8
+        // 285 are expected, with a standard deviation of 3.8.
         assert!((270..=298).contains(&inside), "{name}: {inside} of 300 inside their 95 % interval");
     }
     let mean: f64 = fits.iter().map(|r| number(r, "chi2")).sum::<f64>() / 300.0;
@@ -157,7 +157,7 @@ fn wrong_geometry_is_an_error_with_its_place() {
 
 #[test]
 fn goniometer_samples_give_back_a_known_leaf() {
-    // BRF = ρd + π ρs D/(4 cosθi cosθr) written down afresh, Beckmann, tilted normal.
+    // BRF = ρd + π ρs D/(4 cosθi cosθr), written again for Beckmann's lobe and a tilted normal.
     let (rho_s, m, tilt, tilt_y) = (0.04, 0.3, -0.06, 0.05);
     let normal = [f64::sin(tilt) * f64::cos(tilt_y), f64::sin(tilt_y), f64::cos(tilt) * f64::cos(tilt_y)];
     let dir = |t: f64, p: f64| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];

@@ -1,4 +1,4 @@
-//! The models and their fits to tables: evaluated and fitted through the binary, and their properties.
+//! The models and their fits to tables: they are evaluated and fitted by the program, and their properties are tested.
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 

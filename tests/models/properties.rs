@@ -1,5 +1,5 @@
-//! Properties that hold whatever the numbers are: energy and scaling of the slab, reciprocity of the lobes, tables and
-//! images that read back as they were written.
+//! Properties that hold for all numbers: energy and scaling of the slab, reciprocity of the lobes, and tables and
+//! images that are read back as they were written.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::table::{self, Answer, Output, Spec, Table};
@@ -7,7 +7,7 @@ use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::slab::{self, exact, inverse};
 use proptest::prelude::*;
 
-/// Coefficients (1/mm) over six decades, thickness (mm) over three.
+/// Coefficients (1/mm) over six decades, and thicknesses (mm) over three.
 fn coefficient() -> impl Strategy<Value = f64> {
     (-3.0..3.0f64).prop_map(|e| 10f64.powf(e))
 }
@@ -16,7 +16,7 @@ fn thickness() -> impl Strategy<Value = f64> {
     (-2.3..0.7f64).prop_map(|e| 10f64.powf(e))
 }
 
-/// A unit vector above the horizon, 1° at least.
+/// A unit vector at least 1° above the horizon.
 fn upward() -> impl Strategy<Value = [f64; 3]> {
     (0.02..1.0f64, 0.0..std::f64::consts::TAU).prop_map(|(z, phi)| {
         let r = (1.0 - z * z).sqrt();
@@ -24,7 +24,7 @@ fn upward() -> impl Strategy<Value = [f64; 3]> {
     })
 }
 
-/// A case that the random ones found: at 157 mean free paths the table's digits are gone.
+/// A case that random cases found: at 157 mean free paths the table has no digits left.
 #[test]
 fn a_black_slab_still_passes_what_meets_nothing() {
     let (a, s, h) = (401.6250393021319, 0.0012436094687627896, 0.3904314124690348);
@@ -35,8 +35,8 @@ fn a_black_slab_still_passes_what_meets_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// ρd + ρt + absorbed = 1 with nothing negative; nothing is absorbed without an absorber; unscattered light always
-    /// gets through.
+    /// ρd + ρt + absorbed = 1, and no share is negative. Nothing is absorbed without an absorber. Unscattered light
+    /// always passes.
     #[test]
     fn a_slab_keeps_its_energy(a in coefficient(), s in coefficient(), h in thickness()) {
         for r in [slab::response(a, s, h), exact::response(a, s, h)] {
@@ -47,7 +47,7 @@ proptest! {
         prop_assert!((white.rho_d + white.rho_t - 1.0).abs() < 1e-9, "{white:?}");
     }
 
-    /// Only σ·h counts; more absorber darkens both sides; a thicker slab lets less through and gives more back.
+    /// Only σ·h counts. More absorption darkens both sides. A thicker slab transmits less and reflects more.
     #[test]
     fn a_slab_scales_and_is_monotone(a in coefficient(), s in coefficient(), h in thickness(), k in 1.01..3.0f64) {
         let r = exact::response(a, s, h);
@@ -61,7 +61,7 @@ proptest! {
          {thicker:?}");
     }
 
-    /// What the slab shows gives back what it is made of, and `ok` is a promise.
+    /// The slab's coefficients are recovered from its reflectance and transmittance, and `ok` can be trusted.
     #[test]
     fn an_inverted_slab_is_the_slab(omega in 0.1..0.995f64, delta in 0.1..8.0f64, h in thickness()) {
         let (a, s) = ((1.0 - omega) * delta / h, omega * delta / h);
@@ -72,7 +72,7 @@ proptest! {
         prop_assert!(off.iter().all(|(d, e, v)| d.abs() <= 4.0 * e + 1e-6 * v), "{a} {s}: {found:?}");
     }
 
-    /// Light and camera may change places (the bounded form, which the renderers draw), and nothing is negative.
+    /// Light and camera can be exchanged (in the bounded form, which the renderers draw), and no value is negative.
     #[test]
     fn lobes_are_reciprocal(l in upward(), v in upward(), m in 0.03..0.8f64, index in 1.1..2.0f64) {
         let n = [0.0, 0.0, 1.0];
@@ -82,7 +82,7 @@ proptest! {
         }
     }
 
-    /// Any number and any text of a table comes through a batch as it was.
+    /// Any number and any text of a table passes through a batch unchanged.
     #[test]
     fn tables_read_back_exactly(rows in prop::collection::vec((any::<f64>(), "[ -~äσ\"]{0,12}"), 1..20)) {
         let rows: Vec<(f64, String)> = rows.into_iter().filter(|(x, _)| !x.is_nan()).map(|(x, note)| (x, note.trim().to_string())).collect();

@@ -1,4 +1,4 @@
-//! `eval sky` and `fit sky` from the outside.
+//! `eval sky` and `fit sky` as programs.
 
 use assert_cmd::Command;
 use std::f64::consts::PI;
@@ -14,7 +14,7 @@ fn table(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
     (header, reader.records().map(|r| r.unwrap().iter().map(String::from).collect()).collect())
 }
 
-/// r, g, b of each row, by sky.
+/// The numbers r, g, b of each row, for each sky.
 fn coefficients(rows: &[Vec<String>], per_sky: usize) -> Vec<Vec<[f64; 3]>> {
     let first = rows[0].len() - 4;
     let number = |r: &Vec<String>, k: usize| r[first + k].parse::<f64>().unwrap();
@@ -44,12 +44,12 @@ fn the_contract_of_eval_sky() {
     }
     assert!(rows.iter().filter(|r| r[7] != "ok").all(|r| r[3..7].iter().all(String::is_empty)));
     assert!(err.contains("warning") && err.contains("integrated directly"), "{err}");
-    // m < 0 vanish with the sun at azimuth 0
+    // The harmonics with m < 0 are 0 with the sun at azimuth 0.
     assert_eq!((rows[1][4].as_str(), rows[4][5].as_str()), ("0.0", "0.0"));
 }
 
-/// A column in degrees is a column in radians times π/180; its refusals are in degrees, and both columns at once are an
-/// error.
+/// A column in degrees is the same as a column in radians times 180/π. Its refusals are in degrees, and both columns
+/// together are an error.
 #[test]
 fn the_sun_may_be_given_in_degrees() {
     let run = |input: &str| mesophyll(&["--quiet", "eval", "sky", "--bands", "3"], input);
@@ -72,8 +72,9 @@ fn the_sun_may_be_given_in_degrees() {
     assert!(code == 2 && out.is_empty() && said.contains("sun_zenith_deg too"), "{said}");
 }
 
-/// The default and the compact polynomials against the integral, over the whole accepted domain: the 4.1e-6 and 1.1e-5
-/// of the smallest c00 that README.md claims, and a fifth, where they are a fit; the same digits where they are not.
+/// The default and the compact polynomials are compared with the integral over the whole domain. Where they are a fit,
+/// the limits are the 4.1e-6 and 1.1e-5 of the smallest c00 that README.md states, plus a fifth. Elsewhere the digits
+/// are the same.
 #[test]
 fn the_default_is_the_integral_everywhere() {
     let mut input = String::from("sun_zenith,turbidity\n");
@@ -110,8 +111,8 @@ fn the_default_is_the_integral_everywhere() {
     }
 }
 
-/// c00 of the integral against a plain sum over the hemisphere of the formulas written out here: nothing is shared with
-/// the program.
+/// c00 of the integral is compared with a plain sum over the hemisphere. The formulas are written again here, without
+/// code of the program.
 #[test]
 fn the_integral_is_of_preethams_sky() {
     let (s, t): (f64, f64) = (0.8, 3.0);
@@ -139,7 +140,7 @@ fn the_integral_is_of_preethams_sky() {
             c11 += value * sin * phi.cos() * (3.0 / (4.0 * PI)).sqrt();
         }
     }
-    // luminance of linear sRGB (IEC 61966-2-1)
+    // The luminance of linear sRGB (IEC 61966-2-1).
     let y = |c: [f64; 3]| 0.2126729 * c[0] + 0.7151522 * c[1] + 0.0721750 * c[2];
     for (k, want) in [(0, c00), (2, c10), (3, c11)] {
         assert!((y(got[k]) / want - 1.0).abs() < 1e-4, "index {k}: {} {want}", y(got[k]));
@@ -199,8 +200,8 @@ fn a_fit_is_written_judged_and_evaluated() {
     assert!(code == 2 && err.contains("1.7"), "{err}");
 }
 
-/// A window scales bands and leaves the first alone; a ground of albedo 1 under the sky adds its own irradiance over π
-/// below the horizon.
+/// A window scales the bands and leaves the first one unchanged. A ground of albedo 1 under the sky adds its own
+/// irradiance over π below the horizon.
 #[test]
 fn windows_and_ground() {
     let input = "sun_zenith,turbidity\n0.7,3\n";
@@ -214,7 +215,7 @@ fn windows_and_ground() {
         (run(&[]), run(&["--window", "lanczos"]), run(&["--window", "zonal"]), run(&["--ground", "1"]));
     let sinc = |l: f64| (PI * l / 7.0).sin() / (PI * l / 7.0);
     assert_eq!(plain[0], lanczos[0]);
-    // l = 2, m = 1 and m = 0
+    // l = 2, with m = 1 and m = 0.
     assert!((lanczos[7][1] / plain[7][1] - sinc(2.0)).abs() < 1e-12 && zonal[7] == plain[7]);
     assert!((zonal[6][1] / plain[6][1] - sinc(2.0)).abs() < 1e-12);
     for c in 0..3 {

@@ -1,4 +1,4 @@
-//! `eval slab` and `fit slab` from the outside.
+//! `eval slab` and `fit slab` as programs.
 
 use crate::skips;
 use assert_cmd::Command;
@@ -60,7 +60,7 @@ fn one_minus_omega_keeps_its_digits() {
     let input = "omega,one_minus_omega,delta\n1,1e-12,1000\n0.5,0.6,1\n";
     let (_, out, _) = mesophyll(&["--quiet", "eval", "slab"], input);
     let (_, rows) = table(&out);
-    // absorbed fraction of a thick, nearly conservative slab: positive and proportional to 1−ω
+    // The absorbed share of a thick, nearly conservative slab is positive and proportional to 1 − ω.
     let lost = 1.0 - number(&rows, 0, 3) - number(&rows, 0, 4);
     assert!(lost > 1e-10 && lost < 1e-8, "{lost}");
     assert!(rows[1][5].starts_with("refused: one_minus_omega"));
@@ -137,11 +137,11 @@ fn options_are_checked_and_a_row_may_bring_its_own_errors() {
     assert!((number(&gloss, 0, 4) / number(&matte, 0, 4) - 1.0).abs() < 1e-9);
 }
 
-/// Without a stated noise no error is claimed: its cells are empty, the values are those of exact input, and one line
-/// says why.
+/// Without a stated noise, no error is claimed. The error cells are empty, the values are those for exact input, and
+/// one line says why.
 #[test]
 fn noise_is_asked_for() {
-    // Two leaves of a spectrometer that is right within 5e-3; the second one brings its own errors in the other form.
+    // Two leaves measured with an accuracy of 5e-3. The second one has its own errors in the other form.
     let input = "rho_d,rho_t,h\n0.3801,0.5129,0.15\n0.05,0,0.2\n0.7,0.7,0.2\n";
     let (code, out, said) = mesophyll(&["fit", "slab"], input);
     let (header, rows) = table(&out);
@@ -157,7 +157,7 @@ fn noise_is_asked_for() {
         assert!(number(&exact, 0, k + 2) < 1e-5 * number(&exact, 0, k));
     }
     assert_eq!((rows[0][7].as_str(), exact[0][7].as_str()), ("ok", "ok"));
-    // A tenth of what the leaf absorbs is in the noise: the error that went unsaid.
+    // The noise contains a tenth of what the leaf absorbs. An earlier version did not say this.
     assert!(number(&honest, 0, 5) > 0.02 * number(&honest, 0, 3), "{honest:?}");
     assert!(
         rows[1][7].starts_with("undetermined: sigma_a >= ") && rows[1][7].contains("none was stated"),
@@ -168,7 +168,7 @@ fn noise_is_asked_for() {
     assert!(rows[2][7].starts_with("refused: rho_d + rho_t"), "{:?}", rows[2]);
     assert!(said.contains("no noise is stated for 2 rows") && said.contains("--noise 0"), "{said}");
     assert!(!mesophyll(&["fit", "slab", "--noise", "0.005"], input).2.contains("no noise"));
-    // A row's own errors need no option; a row beside it without them has none to show.
+    // A row with its own errors needs no option. A row without them has no errors to show.
     let own = "rho_d,rho_t,h,rho_d_err,rho_t_err\n0.3801,0.5129,0.15,0.005,0.005\n0.3801,0.5129,0.15,,\n0.3801,0.5129,0.15,0.005,\n";
     let (_, out, said) = mesophyll(&["fit", "slab"], own);
     let own = table(&out).1;
@@ -176,7 +176,7 @@ fn noise_is_asked_for() {
     assert!(own[1][7].is_empty() && own[2][7].is_empty() && said.contains("for 2 rows"), "{own:?} {said}");
 }
 
-/// A thickness that names no unit and can be none in mm is refused by name; `h` is mm whatever its size.
+/// A thickness without a unit that is impossible in mm is refused by name. `h` is always in mm.
 #[test]
 fn a_thickness_without_a_unit_is_not_taken_for_mm() {
     let fit = |args: &[&str], text: &str| {

@@ -1,4 +1,4 @@
-//! The solver from outside: `mesophyll stress` and `mesophyll bench` as a user runs them.
+//! The solver as a user runs it, by `mesophyll stress` and `mesophyll bench`.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -30,8 +30,8 @@ fn stress_nist_solves_all_54_runs() {
 
 #[test]
 fn every_table_of_stress_gets_the_verdicts_it_expects() {
-    // The program's own list of tables, from what it says to a name that it does not know: a new table is run here too.
-    // This is the only test of most tables. The rooms' own tests run a table again only where they ask for more of it.
+    // The list of tables comes from the program's message for an unknown name, so a new table is run here too. For most
+    // tables this is the only test. The rooms' own tests run a table again only where they test more of it.
     let said = mesophyll().args(["stress", "no-such-model"]).assert().code(2).get_output().stderr.clone();
     let said = String::from_utf8(said).unwrap();
     let list = said
@@ -41,8 +41,8 @@ fn every_table_of_stress_gets_the_verdicts_it_expects() {
         .0;
     let mut tables: Vec<&str> = list.split(", ").collect();
     assert!(tables.len() >= 9, "{said}");
-    // The 10,000 texels of `coverage` take half a minute in an optimised build, minutes here: a thousand of them are a
-    // test of `proof::coverage`.
+    // The 10,000 texels of `coverage` take half a minute in an optimised build, and minutes here. A test of
+    // `proof::coverage` has a thousand of them.
     tables.retain(|t| *t != "coverage");
     let rows = rows(&[&["stress"], &tables[..], &["--json"]].concat());
     for model in tables {
@@ -89,8 +89,8 @@ fn bench_gives_rows_a_plot_and_the_frontier_and_skips_missing_peers_with_a_word(
     let errors = |knob: &str| -> Vec<f64> {
         rows.iter().filter(|r| r["knob"] == knob).map(|r| r["error"].as_f64().unwrap()).collect()
     };
-    // Errors (not times) are the same on every machine: more iterations, a tighter tolerance, the refinement buy
-    // digits.
+    // Errors (unlike times) are the same on every machine. More iterations, a tighter tolerance and the refinement give
+    // more digits.
     for knob in ["iterations at most", "tolerance", "refinement"] {
         let e = errors(knob);
         assert!(e.len() >= 2 && e.last() < e.first(), "{knob}: {e:?}");

@@ -1,10 +1,10 @@
-//! Whole spectra: `fit foliar` and `fit slab` on tables with a row a wavelength.
+//! Whole spectra: `fit foliar` and `fit slab` on tables with a row for each wavelength.
 
 use assert_cmd::Command;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// A made-up table of pigments with a row every 10 nm, whose absorption and indices change as a leaf's do.
+/// A made-up table of pigments with a row every 10 nm, whose absorption and indices vary like those of a leaf.
 fn pigments() -> String {
     let mut text =
         "wavelength_nm,chlorophyll_cm2_g,carotenoid_cm2_g,protein_cm2_g,cellulose_lignin_cm2_g,water_per_cm,\
@@ -15,7 +15,7 @@ fn pigments() -> String {
         let bell = |at: f64, width: f64| (-((w - at) / width).powi(2)).exp();
         let chlorophyll = 4.5e4 * bell(440.0, 40.0) + 3e4 * bell(660.0, 40.0) + 9e3 * bell(560.0, 80.0);
         let water = 0.4 * bell(970.0, 40.0) + 1.2 * bell(1200.0, 70.0) + 1e-3;
-        // Three steps, so that few leaves have to be computed.
+        // The indices have three steps, so that few leaves must be computed.
         let n = 1.53 - 0.02 * (0.0033 * (w - 400.0)).floor();
         let m = 1.42 - 0.002 * (0.0033 * (w - 400.0)).floor();
         text += &format!("{w},{chlorophyll},{},10,4.4,{water},{n},{m},{}\n", 5e4 * bell(460.0, 45.0), m - 0.0055);
@@ -39,7 +39,7 @@ fn rows(text: &str) -> Vec<HashMap<String, String>> {
 fn leaves_made_of_layers_are_found_in_their_spectra() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("pigments.csv"), pigments()).unwrap();
-    // Two leaves, every 30 nm, by the exact method.
+    // Two leaves every 30 nm, by the exact method.
     let mut asked =
         "leaf,wavelength_nm,incidence_deg,side,path,mesophyll_thickness_mm,n_cuticle,n_mesophyll,n_antidermal,\
                      chlorophyll_ug_cm2,carotenoid_ug_cm2,protein_ug_cm2,cellulose_lignin_ug_cm2,water_g_cm2,\
@@ -70,7 +70,7 @@ fn leaves_made_of_layers_are_found_in_their_spectra() {
         let names = ["chlorophyll_ug_cm2", "carotenoid_ug_cm2", "water_g_cm2", "oblateness_epidermis"];
         for (name, truth) in names.into_iter().zip(truth) {
             let number = |name: &str| row[name].parse::<f64>().unwrap();
-            // No noise was added: what is left is what lies between the nodes.
+            // No noise was added. The remaining error is the interpolation between nodes.
             assert!((number(name) - truth).abs() < 0.3 * number(&format!("{name}_err")), "{leaf} {name}: {row:?}");
         }
     }
@@ -89,7 +89,7 @@ fn leaves_made_of_layers_are_found_in_their_spectra() {
     let found = rows(&run(&slab, dir.path()));
     assert_eq!(found.len(), 64);
     let sigma = |row: &HashMap<String, String>| row["sigma_a"].parse::<f64>().unwrap_or(f64::NAN);
-    // Red light is absorbed, infrared light hardly.
+    // Red light is strongly absorbed, and infrared light hardly at all.
     let at = |w: &str| sigma(found.iter().find(|r| r["leaf"] == "oak" && r["wavelength_nm"] == w).unwrap());
     assert!(at("670") > 20.0 * at("850"), "{} {}", at("670"), at("850"));
     assert!(dir.path().join("slab/oak.svg").exists());
@@ -118,7 +118,8 @@ fn what_is_no_spectrum_is_said() {
     assert_eq!(out.status.code(), Some(2));
 }
 
-/// One table in three forms: columns as `fit slab` names them, a row a wavelength, and a row a leaf.
+/// The same table in three forms: with the column names of `fit slab`, with a row for each wavelength, and with a row
+/// for each leaf.
 #[test]
 fn spectra_are_the_same_in_long_and_in_wide_form() {
     let dir = tempfile::tempdir().unwrap();
@@ -150,7 +151,7 @@ fn spectra_are_the_same_in_long_and_in_wide_form() {
         let (p, l, w) = (numbers(&plain), numbers(&long), numbers(&wide));
         assert!(p[..3].iter().all(|v| *v > 0.0) && p[3].is_nan(), "{name}: {p:?}");
         for k in 0..3 {
-            // 200 times a thousandth is not 0.2 to the last digit.
+            // 200 times a thousandth is not exactly 0.2.
             assert!((l[k] / p[k] - 1.0).abs() < 1e-12, "{name}, row {k}: {} and {}", l[k], p[k]);
         }
         assert_eq!(of(&long), of(&wide), "{name}");

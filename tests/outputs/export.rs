@@ -1,4 +1,4 @@
-//! `mesophyll export`, driven from outside; what is written is read back with other readers where there are any.
+//! `mesophyll export` as a program. Its files are read back, with other readers where there are any.
 
 use crate::samples::{Sample, write_fit};
 use mesophyll::files::image::{self, Maps};
@@ -92,7 +92,7 @@ fn the_table_has_a_row_a_texel_and_reads_back_exactly() {
     assert_eq!(rows, on_leaf);
 }
 
-/// W's packing holds the named maps, and normals turned into the blade's frame as a reader of the mesh computes it.
+/// W's packing holds the named maps, and normals in the blade's frame as a reader of the mesh computes it.
 #[test]
 fn packed_textures_hold_the_named_maps() {
     let dir = tempfile::tempdir().unwrap();
@@ -106,7 +106,7 @@ fn packed_textures_hold_the_named_maps() {
         let maps = leaf.maps(side).unwrap();
         let h = leaf.thickness(side).unwrap();
         let (first, second, normal) = (read("gamma_delta"), read("rho_s_m"), read("normal"));
-        // Bit for bit, what is undetermined (NaN) too.
+        // The values are the same bit for bit, also where they are undetermined (NaN).
         let same = |a: &Maps, name: &str, quantity, c| {
             let (a, b) = (a.get(name).unwrap(), maps.plane(quantity, c).unwrap());
             assert!(a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits()), "{name}");
@@ -118,7 +118,7 @@ fn packed_textures_hold_the_named_maps() {
         same(&second, "A", Quantity::M, 0);
         let (delta, whole) = (first.get("A").unwrap(), maps.scalar(Quantity::Thickness).unwrap());
         assert!(delta.iter().zip(whole).all(|(d, t)| t.is_nan() || (f64::from(*d) + h - f64::from(*t)).abs() < 1e-7));
-        // The sample's blade is flat and lies along x: there its frame is the photograph's own, on both sides.
+        // The sample's blade is flat and lies along x, so its frame is that of the photograph on both sides.
         let (seen, turned) = (maps.three(Quantity::Normal).unwrap(), XYZ.map(|c| normal.get(c).unwrap()));
         let known: Vec<usize> = (0..whole.len()).filter(|&k| seen.iter().all(|p| p[k].is_finite())).collect();
         assert!(known.len() > whole.len() / 10, "{} texels have a normal", known.len());
@@ -180,9 +180,9 @@ fn a_gltf_reader_sees_both_sides_in_metres_with_their_colours() {
             assert!(turning * up > 0.0, "{side}: triangles wind around their normal");
         }
         assert!(n.iter().all(|n| n[2] == up));
-        // the bitangent w · n × t points up the image (towards smaller v) on both sides
+        // The bitangent w · n × t points up in the image (towards smaller v) on both sides.
         assert!(n.iter().zip(&t).all(|(n, t)| t[3] * (n[2] * t[0] - n[0] * t[2]) > 0.0));
-        // look up a good texel of this side: its own camera's column i of the back lies at 1 − u
+        // This is a good texel of the side. Column i of the back's own camera lies at 1 − u.
         let maps = source(&format!("{side}.exr"));
         let mask = maps.scalar(Quantity::Mask).unwrap();
         let k = (0..mask.len()).filter(|k| mask[*k] == 1.0).nth(500).unwrap();
@@ -262,7 +262,7 @@ fn the_obj_has_normals_and_names_files_that_are_there() {
         let turning = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         assert!(turning * n[corners[0]][2] > 0.0, "{line}");
     }
-    // the top left corner of the maps is v = 1 in an OBJ
+    // The top left corner of the maps has v = 1 in an OBJ file.
     assert_eq!(list("vt ")[0], [0.0, 1.0]);
     let materials = std::fs::read_to_string(dir.path().join("out/leaf.mtl")).unwrap();
     let mut pictures = 0;
@@ -288,7 +288,7 @@ fn parameters_come_out_as_json_without_invented_numbers() {
     assert!(json["times"]["total_s"].as_f64().is_some());
 }
 
-/// `-o -` prints what the file would hold, and `glb` is another name of gltf.
+/// `-o -` prints the content of the file, and `glb` is another name of gltf.
 #[test]
 fn one_file_goes_to_standard_output() {
     let dir = tempfile::tempdir().unwrap();

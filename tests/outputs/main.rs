@@ -1,4 +1,4 @@
-//! What is made of fits: reports and files that other programs read.
+//! The outputs made from fits: reports, and files that other programs read.
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 

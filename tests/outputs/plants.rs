@@ -1,4 +1,4 @@
-//! `mesophyll grow` and `mesophyll import`, driven from outside.
+//! `mesophyll grow` and `mesophyll import`, as programs.
 
 use crate::common::skips::{Need, skip};
 use std::path::Path;
@@ -33,7 +33,7 @@ fn the_same_seed_is_the_same_file_and_its_branches_are_found() {
     let header = "branch,parent,at,level,length_mm,root_radius_mm,tip_radius_mm,x,y,z,dx,dy,dz,confidence,status";
     assert_eq!((lines[0], lines.len()), (header, 42));
     assert!(lines[1..].iter().all(|l| l.ends_with(",ok")));
-    // The file's own frame: y up, mm. The trunk begins at the origin.
+    // Places are in the file's own frame (y up, mm). The trunk begins at the origin.
     let trunk: Vec<&str> = lines[1].split(',').collect();
     let number = |k: usize| trunk[k].parse::<f64>().unwrap();
     assert!(number(11) > 0.98 && number(4) > 1100.0 && (7..10).all(|k| number(k).abs() < 1e-3), "{trunk:?}");
@@ -55,7 +55,7 @@ fn bad_plants_write_nothing() {
     }
 }
 
-/// Khronos' validator finds no error and nothing to warn of.
+/// Khronos' validator finds no errors and no warnings.
 #[test]
 fn the_validator_has_nothing_to_say() {
     let script = "const v = require('gltf-validator'), fs = require('fs');

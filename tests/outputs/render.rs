@@ -1,5 +1,5 @@
-//! `mesophyll render` and `mesophyll eval canopy` as a user calls them: pictures in closed form, canopies with answers
-//! by others, and what they refuse.
+//! `mesophyll render` and `mesophyll eval canopy` as programs: pictures with closed forms, canopies with published
+//! answers, and refusals.
 
 use crate::common::skips::{data, no_adapter};
 use crate::common::{refused, run, succeeded};
@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Discs as a scene reads them (m): radius, centre, normal.
+/// A file of discs as a scene reads it (m): radius, centre, normal.
 fn discs(dir: &Path, name: &str, list: &[[f64; 7]]) {
     let text: String = list.iter().fold(String::new(), |mut text, d| {
         let _ = writeln!(text, "{}", d.map(|v| v.to_string()).join(" "));
@@ -46,7 +46,7 @@ fn arguments<'a>(scene: &'a Path, out: &'a Path, more: &[&'a str]) -> Vec<&'a st
     args
 }
 
-/// Mean of a channel over all pixels, and the standard error of it.
+/// The mean of a channel over all pixels, and its standard error.
 fn mean(maps: &Maps, channel: &str) -> (f64, f64) {
     let values = maps.get(channel).unwrap();
     let errors = maps.get(&format!("error.{channel}")).unwrap();
@@ -56,7 +56,7 @@ fn mean(maps: &Maps, channel: &str) -> (f64, f64) {
     (sum / n, square.sqrt() / n)
 }
 
-/// Light from two sides in closed form: what the sun sends on the lit side, and a different sky above and below.
+/// Light from two sides in closed form: the sun on the lit side, and skies that differ above and below.
 #[test]
 fn a_wide_disc_meets_its_closed_form() {
     let dir = tempfile::tempdir().unwrap();
@@ -78,14 +78,14 @@ fn a_wide_disc_meets_its_closed_form() {
         let want = rho_d * (2.0 + 3.0 * 35f64.to_radians().cos() / PI) + rho_t * 0.5;
         let (found, error) = mean(&maps, channel);
         assert!(error < 2e-3 * want, "{channel}: ± {error} is too coarse");
-        // Between the two rows at the horizon the map changes linearly: 7e-5 of its light from above.
+        // Between the two rows at the horizon the map changes linearly, which adds 7e-5 of its light from above.
         assert!((found - want).abs() < 4.0 * error + 2e-4, "{channel}: {found} ± {error}, expected {want}");
     }
     // A view of the sky sees the map, without noise.
     let sky = read_exr(&out.join("up.exr")).unwrap();
     assert!(sky.get("G").unwrap().iter().all(|v| *v == 2.0) && sky.get("error.G").unwrap().iter().all(|e| *e == 0.0));
     assert!(out.join("down.png").exists() && out.join("render.json").exists());
-    // Direct light alone is all there is here.
+    // With direct light alone the picture is the same.
     let one = dir.path().join("one");
     succeeded(&run(arguments(&scene, &one, &["--samples", "16", "--bounces", "1", "--view", "down"])));
     let (direct, error) = mean(&read_exr(&one.join("down.exr")).unwrap(), "G");
@@ -93,7 +93,7 @@ fn a_wide_disc_meets_its_closed_form() {
     assert!(!one.join("up.exr").exists());
 }
 
-/// What reflects and lets through everything cannot be told from the sky; the background stands behind.
+/// A disc that reflects and transmits all light cannot be distinguished from the sky. The background stands behind it.
 #[test]
 fn a_white_disc_vanishes_and_the_sun_is_seen() {
     let dir = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn a_white_disc_vanishes_and_the_sun_is_seen() {
     }
     let up = read_exr(&out.join("up.exr")).unwrap();
     assert!(up.get("R").unwrap().iter().all(|v| *v == 0.7));
-    // The sun's disk is drawn where a view looks at it: as much light as its irradiance.
+    // The sun's disk is drawn where a view looks at it, with as much light as its irradiance.
     let scene = self::scene(dir.path(), LEAF, "[sun]\nzenith_deg = 0\nradius_deg = 3\nirradiance = [2, 2, 2]\n");
     let sun = dir.path().join("sun");
     succeeded(&run(arguments(&scene, &sun, &["--samples", "256", "--view", "up"])));
@@ -133,7 +133,7 @@ fn an_error_ends_a_picture_and_more_paths_go_on_with_it() {
     let dir = tempfile::tempdir().unwrap();
     let light = "[sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[sky]\nradiance = [1, 1, 1]\n";
     let scene = scene(dir.path(), LEAF, light);
-    // A crowd in each other's shade.
+    // A crowd of discs that shade each other.
     let place = |k: u32, q: f64| ((f64::from(k) * q).sin() * 43_758.5).rem_euclid(0.04) - 0.02;
     let crowd: Vec<[f64; 7]> = (1..60)
         .map(|k| [0.006, place(k, 1.3), place(k, 2.7), place(k, 5.9), place(k, 7.1), place(k, 9.7), 0.02])
@@ -155,10 +155,10 @@ fn an_error_ends_a_picture_and_more_paths_go_on_with_it() {
     assert!(error(&more) < 0.75 * error(&by_error), "{more} {by_error}");
     let second = read_exr(&out.join("down.exr")).unwrap();
     assert!(first.get("R") != second.get("R"));
-    // Where a view shows nothing but sky there is no error to wait for.
+    // A view that shows only sky has no error to wait for.
     let empty = dir.path().join("empty");
     succeeded(&run(arguments(&scene, &empty, &["--view", "up", "--error", "0.02"])));
-    // A picture of another seed is not gone on with.
+    // A picture with another seed is not continued.
     let other = run(arguments(&scene, &out, &["--view", "down", "--samples", "8", "--seed", "9", "--resume"]));
     refused(&other, 2, &["down.progress.exr", "another scene, size, seed or number of bounces"]);
 }
@@ -210,7 +210,7 @@ fn what_cannot_be_drawn_is_refused_in_one_sentence() {
     assert!(String::from_utf8_lossy(&zero.stderr).contains("'0' for '--samples"));
     // A check needs limits that a picture does not.
     refused(&run(["check", s.to_str().unwrap()]), 2, &["tolerance: missing; a check needs it"]);
-    // A full disk: what was drawn is kept.
+    // On a full disk, the finished part of the picture is kept.
     #[cfg(target_os = "linux")]
     {
         std::fs::create_dir_all(&out).unwrap();
@@ -257,8 +257,8 @@ fn columns<const N: usize>(csv: &[u8], names: [&str; N]) -> Vec<[f64; N]> {
     reader.records().map(|r| r.unwrap()).map(|r| at.map(|k| number(&r, k))).collect()
 }
 
-/// Level layers of discs so wide that they have no gaps: the plates of the closed form again, as a canopy. The
-/// rectangle is smaller than a disc, so that discs reach across many periods.
+/// Level layers of discs that are so wide that they have no gaps. These are the plates of the closed form again, as a
+/// canopy. The rectangle is smaller than a disc, so discs reach across many periods.
 #[test]
 fn a_closed_canopy_meets_its_closed_form() {
     let dir = tempfile::tempdir().unwrap();
@@ -267,7 +267,7 @@ fn a_closed_canopy_meets_its_closed_form() {
     let (rho, tau, ground, sun) = (0.4, 0.35, 0.3, 40.0);
     let scene = canopy(dir.path(), 1.0, &[("plate", "upper.txt", "at.txt", rho, tau)], ground, sun);
     std::fs::write(dir.path().join("d.csv"), "view_zenith_deg,view_azimuth_deg\n0,0\n55,130\n-70,10\n").unwrap();
-    // Light between plate and ground: down D = τ + ρ U of the incident light, up U = ground · D.
+    // Light between plate and ground, relative to the incident light: down D = τ + ρ U, up U = ground · D.
     let down = tau / (1.0 - rho * ground);
     let (reflected, absorbed) = (rho + tau * ground * down, (1.0 - rho - tau) * (1.0 + ground * down));
     let directions = dir.path().join("d.csv");
@@ -299,8 +299,8 @@ fn a_closed_canopy_meets_its_closed_form() {
     }
 }
 
-/// RAMI's floating spheres and its "real zoom in" against what other programs found (ROMC): 76 directions each, by a χ²
-/// test of their differences.
+/// RAMI's floating spheres and its "real zoom in" are compared with the results of other programs (ROMC): 76 directions
+/// each, by a χ² test of the differences.
 #[test]
 fn published_canopies_are_met() {
     let Some(rami) = data("canopies with answers by others").map(|folder| folder.join("rami")) else { return };
@@ -329,7 +329,7 @@ fn published_canopies_are_met() {
     for (name, leaves, size_m, ground) in [("het01", &het01[..], 100.0, 0.159), ("het04", &het04[..], 270.0, 0.15)] {
         let scene = canopy(dir.path(), size_m, leaves, ground, 20.0);
         let known: Vec<[f64; 3]> = names.iter().zip(&known).filter(|(n, _)| *n == name).map(|(_, row)| *row).collect();
-        // Without an azimuth a view lies in the sun's plane, negative angles on the sun's side, as in the table.
+        // A view without an azimuth lies in the sun's plane. Negative angles are on the sun's side, as in the table.
         let rows: Vec<String> = known.iter().map(|k| k[0].to_string()).collect();
         let file = dir.path().join("directions.csv");
         std::fs::write(&file, format!("view_zenith_deg\n{}\n", rows.join("\n"))).unwrap();
@@ -345,7 +345,7 @@ fn published_canopies_are_met() {
             ratio += brf / want / 76.0;
             spread += (error / want / 76.0).powi(2);
         }
-        // Wilson & Hilferty 1931: 2.33 is a probability of 1 % that chance alone does it.
+        // Wilson & Hilferty 1931: values above 2.33 have a probability of 1 % by chance.
         let z = ((statistic / 76f64).cbrt() - (1.0 - 2.0 / (9.0 * 76.0))) / (2.0 / (9.0 * 76.0f64)).sqrt();
         assert!(z < 2.33, "{name}: chi² of 76 directions {statistic}");
         assert!((ratio - 1.0).abs() < 3.0 * spread.sqrt(), "{name}: mean ratio {ratio} ± {}", spread.sqrt());
@@ -373,8 +373,8 @@ fn square(dir: &Path) {
     std::fs::write(dir.join("square.gltf"), json.to_string()).unwrap();
 }
 
-/// A mesh of positions alone is flat, and lit alike by the path tracer and, with its gloss, by the real-time renderer
-/// and the reference of `check`.
+/// A mesh with positions only is flat. The path tracer lights it correctly and so do, with its gloss, the real-time
+/// renderer and the reference of `check`.
 #[test]
 fn a_stated_leaf_needs_no_maps() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! `mesophyll report`, driven from outside.
+//! `mesophyll report` as a program.
 
 use crate::samples::{Sample, write_fit, write_run};
 use mesophyll::files::{hash, image};
@@ -66,7 +66,7 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
     {
         assert!(page.contains(said), "{said}");
     }
-    // A figure has a name, a unit and a meaning; one that has no name is counted and its key stays away.
+    // Each figure has a name, a unit and a meaning. A figure without a name is counted, and its key is not shown.
     for said in ["texels that count for less", "One more figure of fit.toml has no name"] {
         assert!(page.contains(said), "{said}");
     }
@@ -103,7 +103,7 @@ fn the_same_fit_gives_the_same_bytes() {
 #[test]
 fn coverage_is_what_the_normal_distribution_says() {
     let dir = tempfile::tempdir().unwrap();
-    // Errors stated at half their size: 95 % intervals reach ±0.98 σ and hold erf(0.98/√2) = 67.3 % of the truths.
+    // With errors stated at half their size, 95 % intervals reach ±0.98 σ and hold erf(0.98/√2) = 67.3 % of the truths.
     for (name, overconfidence, expected) in [("right", 1.0, 0.95), ("half", 2.0, 0.6729)] {
         let sample = Sample { overconfidence, sides: vec!["front"], ..Sample::default() };
         write_fit(&dir.path().join(name), &sample);
@@ -126,7 +126,7 @@ fn coverage_is_what_the_normal_distribution_says() {
     }
 }
 
-/// A share over one value is 0 or 100 %: it says nothing of the errors, and the verdict must not read it as if it did.
+/// A share over one value is 0 or 100 %. It says nothing about the errors, and the verdict must not use it.
 #[test]
 fn one_truth_is_no_share() {
     let dir = tempfile::tempdir().unwrap();
@@ -178,7 +178,7 @@ fn what_is_missing_is_said_and_never_a_crash() {
         assert!(all.contains(said), "{said} is not in\n{all}");
     }
     assert_eq!(mesophyll(&["report", "elm", "-o", "r.html"], dir.path()).0, 0);
-    // nothing but the record
+    // Only the record is left.
     for entry in std::fs::read_dir(&fit).unwrap().flatten().filter(|e| e.file_name() != "fit.toml") {
         std::fs::remove_file(entry.path()).unwrap();
     }
@@ -211,11 +211,11 @@ fn two_fits_are_weighed_by_their_combined_errors() {
     assert!(blue["sigmas"].is_null() && blue["first"].is_null(), "an undetermined parameter is not weighed: {blue}");
     assert!(blue["estimates"][0].as_str().unwrap().contains("its error is not bounded; at least 7.9"), "{blue}");
     assert!(c["sentence"].as_str().unwrap().contains("The fits differ: 1 of 6"), "{}", c["sentence"]);
-    // independent draws with right errors: 5 % beyond 1.96 combined standard errors
+    // In independent draws with right errors, 5 % are beyond 1.96 combined standard errors.
     let maps = c["maps"].as_array().unwrap();
     let beyond = maps.iter().map(|m| m["beyond95"].as_f64().unwrap()).sum::<f64>() / maps.len() as f64;
     assert!((beyond - 0.05).abs() < 0.01, "{beyond}");
-    // same names are told apart by their folders
+    // Fits with the same name are distinguished by their folders.
     assert_eq!((report["fits"][0]["name"].as_str(), report["fits"][1]["name"].as_str()), (Some("a"), Some("b")));
 }
 
@@ -258,7 +258,7 @@ fn markdown_and_json_say_the_same() {
     for reason in report["fits"][0]["verdict"]["reasons"].as_array().unwrap() {
         assert!(markdown.contains(reason["text"].as_str().unwrap()));
     }
-    // every table line has as many cells as its head
+    // Every line of a table has as many cells as its head.
     let lines: Vec<&str> = markdown.lines().collect();
     for pair in lines.windows(2).filter(|w| w[0].starts_with('|') && w[1].starts_with('|')) {
         let cells = |l: &str| l.replace("\\|", "").matches('|').count();
@@ -291,7 +291,7 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
     assert!(!dir.path().join("report.html").exists(), "nothing is written when nothing can be reported");
 }
 
-/// Writes full-size samples and their reports under `MESOPHYLL_LOOK`, for eyes.
+/// Writes samples of full size and their reports under `MESOPHYLL_LOOK`, for people to look at.
 #[test]
 #[ignore = "for looking at: set MESOPHYLL_LOOK to a folder"]
 fn samples_to_look_at() {

@@ -1,4 +1,4 @@
-//! `mesophyll export` of a sky fit: what is written is compiled, run, and set against direct evaluation by the library.
+//! `mesophyll export` of a sky fit. Its files are compiled and run, and compared with evaluation by the library.
 
 use crate::common::skips::{self, Need};
 use crate::common::{refused, run, succeeded};
@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Suns from the zenith to the horizon, turbidities from end to end.
+/// Suns from the zenith to the horizon, and turbidities over the whole range.
 fn skies() -> Vec<(f64, f64)> {
     let suns = [0.0, 0.2, 0.5, 0.785, 1.0, 1.2, 1.4, 1.5, 1.56, FRAC_PI_2];
     suns.iter().flat_map(|s| [2.5, 2.7, 3.3, 4.2, 5.1, 6.0].map(|t| (*s, t))).collect()
@@ -30,7 +30,7 @@ fn export(folder: &Path, to: &Path, extra: &[&str]) -> String {
     std::fs::read_to_string(to).unwrap()
 }
 
-/// The library's own evaluation of the folder, in f64 from the arrays as stored, with ground of this albedo.
+/// The library's own evaluation of the folder, in f64 from the stored arrays, with ground of this albedo.
 fn library(folder: &Path, ground: f64) -> Vec<Vec<[f64; 3]>> {
     let (_, form) = folder::read(folder).unwrap();
     skies()
@@ -45,7 +45,7 @@ fn library(folder: &Path, ground: f64) -> Vec<Vec<[f64; 3]>> {
         .collect()
 }
 
-/// Largest difference over c00 of its sky.
+/// Largest difference, relative to c00 of its sky.
 fn worst(got: &[f64], want: &[Vec<[f64; 3]>]) -> f64 {
     assert_eq!(got.len(), want.iter().map(|w| 3 * w.len()).sum::<usize>());
     let mut at = got.iter();
@@ -62,9 +62,9 @@ fn worst(got: &[f64], want: &[Vec<[f64; 3]>]) -> f64 {
     out
 }
 
-/// Largest differences of c00 that docs/sky.md states, and a half: C in float 2e-7, in double 2e-15, JSON 3e-15. WGSL
-/// is single precision throughout, with recurrences of 30 steps, and its adapter rounds as it likes: 2e-6, and as much
-/// again.
+/// The largest differences relative to c00 that docs/sky.md states, times one and a half: C in float 2e-7, in double
+/// 2e-15, JSON 3e-15. WGSL uses single precision throughout, with recurrences of 30 steps, and its adapter chooses the
+/// rounding: 2e-6, times two.
 const SINGLE: f64 = 3e-7;
 const DOUBLE: f64 = 3e-15;
 const JSON: f64 = 4.5e-15;
@@ -95,7 +95,7 @@ fn the_c_header_compiles_and_equals_the_library() {
          3.0, c);\n}\n",
         );
         std::fs::write(dir.path().join("main.c"), main).unwrap();
-        // The plain Chebyshev polynomials cancel more in single precision.
+        // In single precision, the plain Chebyshev polynomials have more cancellation.
         let single = if method == "chebyshev" { 2e-6 } else { SINGLE };
         for (real, tolerance) in [("float", single), ("double", DOUBLE)] {
             let program = dir.path().join(format!("{method}-{real}"));
@@ -126,7 +126,7 @@ fn the_c_header_compiles_and_equals_the_library() {
     }
 }
 
-/// Evaluates the JSON by what it says of itself, with nothing of the library.
+/// Evaluates the JSON by its own description, without the library.
 fn by_hand(sky: &Value, s: f64, t: f64) -> Vec<[f64; 3]> {
     let n = |v: &Value| v.as_f64().unwrap();
     let list = |v: &Value| v.as_array().unwrap().iter().map(n).collect::<Vec<f64>>();
@@ -193,7 +193,7 @@ fn the_json_says_how_it_is_evaluated() {
     }
 }
 
-/// 49×3 numbers and no polynomial, in all three formats; the same numbers.
+/// A fixed sky is 49×3 numbers without a polynomial. All three formats hold the same numbers.
 #[test]
 fn a_fixed_sky_is_forty_nine_triples() {
     let dir = tempfile::tempdir().unwrap();
@@ -204,7 +204,7 @@ fn a_fixed_sky_is_forty_nine_triples() {
         (export(&folder, &dir.path().join("f.h"), &extra), export(&folder, &dir.path().join("f.wgsl"), &extra));
     let listed = json["coefficients"].as_array().unwrap();
     assert_eq!(listed.len(), 49);
-    // against direct integration, to the fit's tier
+    // The limit against direct integration is that of the fit's tier.
     let sky = mesophyll::sky::Preetham.at(40f64.to_radians(), 3.0).unwrap();
     let want = add_ground(&mesophyll::sky::project::direct(&sky, 7), [0.2; 3], [0.0; 3]);
     for (k, w) in want.values().iter().enumerate() {
@@ -258,7 +258,7 @@ fn what_cannot_be_exported_is_a_sentence() {
     assert!(json["fit"]["all"]["a2"]["value"].as_array().unwrap().len() > 3);
 }
 
-/// From a picture with a known answer to the fit and its report; what cannot be read is a sentence.
+/// From a picture with a known answer to the fit and its report. What cannot be read is refused by a sentence.
 #[test]
 fn a_panorama_is_made_fitted_and_reported() {
     let dir = tempfile::tempdir().unwrap();
@@ -289,11 +289,11 @@ fn a_panorama_is_made_fitted_and_reported() {
         !std::fs::read_to_string(at("report.html")).unwrap().contains("no name in this version"),
         "a figure without a name"
     );
-    // the same bytes again
+    // A second run gives the same bytes.
     let first = std::fs::read(dir.path().join("fit/fit.toml")).unwrap();
     succeeded(&run(["fit", "sky", "--quiet", "--panorama", &picture, "-o", &out]));
     assert_eq!(std::fs::read(dir.path().join("fit/fit.toml")).unwrap(), first);
-    // another model's sky is not called good
+    // The sky of another model is not accepted as good.
     make(&["--model", "hosek-wilkie", "--noise", "0.01", "--size", "96x48"]);
     let ran = run(["fit", "sky", "--quiet", "--json", "--panorama", &picture, "-o", &out]);
     let json: Value = serde_json::from_slice(&ran.stdout).unwrap();
@@ -324,12 +324,13 @@ mod shader {
     use mesophyll_viewer::{pollster, wgpu};
     use wgpu::naga;
 
-    /// Parsed and validated by naga for every text; the polynomials are run on an adapter where there is one.
+    /// Every text is parsed and validated by naga. The polynomials are run where there is an adapter.
     #[test]
     fn the_wgsl_is_valid_and_equals_the_library() {
         let dir = tempfile::tempdir().unwrap();
         let device = open();
-        // software adapters take ten seconds to compile one of them: the larger tier is run, all are validated
+        // Software adapters take ten seconds to compile one of them. So only the larger tier is run, and all are
+        // validated.
         for (method, ground) in [("fine", 0.3), ("compact", 0.0), ("chebyshev", 0.0)] {
             let folder = fit(dir.path(), method);
             let text = export(&folder, &dir.path().join("sky.wgsl"), &["--ground", &ground.to_string()]);
@@ -365,12 +366,12 @@ mod shader {
         pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).ok()
     }
 
-    /// One invocation a sky.
+    /// Evaluates each sky in one invocation.
     fn evaluate(device: &wgpu::Device, queue: &wgpu::Queue, text: &str) -> Vec<f64> {
         use wgpu::util::DeviceExt;
         let all = skies();
-        // The numbers go through a storage buffer, as the text itself advises: software adapters copy large constants
-        // at every access.
+        // The numbers are in a storage buffer, as the text itself advises, because software adapters copy large
+        // constants at every access.
         let (head, rest) = text.split_once("const SKY_VALUES: ").unwrap();
         let (values, tail) = rest.split_once(");").unwrap();
         let list = values.rsplit_once('(').unwrap().1;

@@ -1,5 +1,5 @@
-//! Plausible fit folders and captures for tests of what reads them: made up, but consistent, so that a right report can
-//! be told from a wrong one.
+//! Plausible fit folders and captures, for tests of their readers. They are made up but consistent, so that a right
+//! report can be distinguished from a wrong one.
 #![allow(dead_code)]
 
 use mesophyll::files::image::{self, Maps, Packing};
@@ -11,7 +11,7 @@ use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// How a sample fit differs from a good one.
+/// The differences between a sample fit and a good one.
 #[derive(Debug, Clone)]
 pub struct Sample {
     pub name: String,
@@ -20,7 +20,7 @@ pub struct Sample {
     pub seed: u64,
     /// Whether the truth lies in the folder.
     pub truth: bool,
-    /// The stated standard errors are the real ones over this.
+    /// The true standard errors divided by the stated ones.
     pub overconfidence: f32,
     pub sides: Vec<&'static str>,
 }
@@ -34,7 +34,7 @@ impl Default for Sample {
 
 /// Distance from the outline (positive inside, in leaf half-widths) and nearness to a vein (0 … 1).
 pub fn leaf_at(u: f32, v: f32) -> (f32, f32) {
-    // u, v in -1 … 1, the leaf along u
+    // u and v are from −1 to 1, and the leaf lies along u.
     let along = (u + 0.94) / 1.86;
     let half =
         if (0.0..=1.0).contains(&along) { 0.95 * along.powf(0.55) * (1.0 - along).powf(0.8) * 1.55 } else { -1.0 };
@@ -49,7 +49,7 @@ fn normal(rng: &mut Pcg64Mcg) -> f32 {
     (-2.0 * a.ln()).sqrt() * (std::f32::consts::TAU * b).cos()
 }
 
-/// (name, truth away from veins, truth on a vein, relative error) of every channel.
+/// For every channel: name, truth away from veins, truth on a vein, relative error.
 const CHANNELS: [(&str, f32, f32, f32); 22] = [
     ("rho_d.R", 0.075, 0.12, 0.01),
     ("rho_d.G", 0.14, 0.20, 0.01),
@@ -336,8 +336,8 @@ pub fn write_run(folder: &Path, passed: bool) {
     std::fs::write(folder.join("plan.json"), plan.to_string()).unwrap();
 }
 
-/// A small capture of a disk-shaped leaf under a thin infinite tube (radiance ρd·(2/π)·…/r² is not needed here: any
-/// smooth fall-off will do).
+/// A small capture of a disk-shaped leaf under a thin infinite tube. The exact radiance ρd·(2/π)·…/r² is not needed
+/// here; any smooth decrease will do.
 pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32) {
     const W: usize = 24;
     const H: usize = 18;

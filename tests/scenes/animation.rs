@@ -1,4 +1,5 @@
-//! A scene's plants as a glTF animation: read back and skinned here by glTF's own rules, against `export --time`.
+//! A scene's plants as a glTF animation. It is read back and skinned here by glTF's own rules, and compared with
+//! `export --time`.
 
 use super::plants::{BARK, run, scene};
 use crate::skips;
@@ -14,7 +15,7 @@ use std::process::Command;
 
 const WIND: &str = "[wind]\nspeed_m_s = 12\nazimuth_deg = 30\nseed = 7\n";
 
-/// A file with an animation, as a program without any knowledge of plants sees it.
+/// A file with an animation, as a program that knows nothing of plants reads it.
 struct Animated {
     document: gltf::Document,
     buffers: Vec<gltf::buffer::Data>,
@@ -33,7 +34,7 @@ impl Animated {
         Animated { document, buffers, times }
     }
 
-    /// Every node's way to the world at a key.
+    /// The transform of every node to the world at a key.
     fn globals(&self, key: usize) -> Vec<DMat4> {
         let mut parts: Vec<(Vec3, Quat, Vec3)> = Vec::new();
         for node in self.document.nodes() {
@@ -102,7 +103,7 @@ impl Animated {
     }
 }
 
-/// From glTF's metres, y up, to the scene's mm, z up.
+/// The transform from glTF's metres with y up to the scene's mm with z up.
 fn up(v: DVec3) -> DVec3 {
     1000.0 * DVec3::new(v.x, -v.z, v.y)
 }
@@ -117,7 +118,7 @@ fn bark_of(plant: &Plant) -> BTreeMap<String, Vec<(DVec3, DVec3)>> {
     plant.branches.iter().map(own).collect()
 }
 
-/// Two saplings, enlarged and turned, far from the origin.
+/// A scene with two saplings, enlarged and turned, far from the origin.
 fn sway(folder: &Path) {
     let sapling = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/plants/bird-cherry-sapling.toml");
     std::fs::copy(sapling, folder.join("sapling.toml")).unwrap();
@@ -178,7 +179,7 @@ fn an_animation_plays_the_pose() {
     println!("bark {:.1e}, leaves {:.1e} of a branch's length, normals {turned:.1e}", worst[0], worst[1]);
     assert!(moved > 50.0, "{moved}");
     assert!(worst.iter().all(|w| *w < 1e-4) && turned < 2e-3, "{worst:?} {turned}");
-    // The issue's own spelling; and the file is still a plant, whose leaves stand as at rest.
+    // This is the issue's own spelling. The file is also still a plant, with its leaves at rest.
     let words =
         ["export", "scene.toml", "--from", "1.5", "--to", "2.1", "--step", "0.2", "--to", "gltf", "-o", "b.glb"];
     assert_eq!(run(folder.path(), &words).0, Some(0));
@@ -193,7 +194,7 @@ fn an_animation_plays_the_pose() {
     validated(&at("a.glb"));
 }
 
-/// Khronos' validator finds no error and nothing to warn of.
+/// Khronos' validator finds no errors and no warnings.
 fn validated(path: &Path) {
     let script = "const v = require('gltf-validator'), fs = require('fs');
         v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))

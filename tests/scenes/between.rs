@@ -1,4 +1,4 @@
-//! Light between leaves: planned, made, drawn in real time and held against the path tracer.
+//! Light between leaves: it is planned, computed, drawn in real time, and compared with the path tracer.
 
 use crate::blade::Blade;
 use crate::{json, skips};
@@ -10,7 +10,7 @@ use mesophyll::scene::plan::Plan;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-/// Domed blades that are the same everywhere, with these ρd and ρt, in front of a background.
+/// A scene of domed blades that are the same everywhere, with these ρd and ρt, in front of a background.
 fn crowd(dir: &Path, [rho_d, rho_t]: [f64; 2], count: usize, rest: &str) -> PathBuf {
     Blade::default().write(&dir.join("fits/elm"), "elm");
     let mut text = format!(
@@ -40,8 +40,8 @@ fn planned(path: &Path) -> Plan {
     Scene::open(Manifest::read(path).unwrap(), Search::default(), &Ledger::new()).unwrap().plan
 }
 
-/// Leaves that absorb nothing cannot be told from an even sky around them: not where they hide it from each other, not
-/// where they light each other. The picture is the sky.
+/// Leaves that absorb nothing cannot be distinguished from an even sky around them. This holds where they hide the sky
+/// from each other and where they light each other. The picture is the sky.
 #[test]
 fn leaves_that_absorb_nothing_vanish_in_the_real_time_picture() {
     let dir = tempfile::tempdir().unwrap();
@@ -57,14 +57,14 @@ fn leaves_that_absorb_nothing_vanish_in_the_real_time_picture() {
         assert!(report["passed"].as_bool().unwrap(), "{report:#}");
         let picture = image::open(out.join("side.png")).unwrap().to_rgb8();
         let sky = picture.get_pixel(0, 0).0;
-        // .5/(1 + .5) in sRGB.
+        // .5/(1 + .5), encoded in sRGB.
         assert_eq!(sky, [156; 3]);
         let far = picture.pixels().map(|p| p.0.iter().map(|v| v.abs_diff(sky[0])).max().unwrap()).max().unwrap();
         assert!(far <= 3, "{bands}: a pixel is off by {far} of 255");
     }
 }
 
-/// What the plan decides, and what it says that each omission saves.
+/// The decisions of the plan, and the savings that it states for each omission.
 #[test]
 fn a_light_that_stands_still_needs_no_operators() {
     let dir = tempfile::tempdir().unwrap();
@@ -75,7 +75,7 @@ fn a_light_that_stands_still_needs_no_operators() {
     const OPERATORS: &str = "operators of the light";
     let still = plan_of(4, "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\n");
     assert!(has(&still, LIGHT) && !has(&still, OPERATORS));
-    // Four leaves with 15 anchors of 6 rows, 24 columns less of 8 bytes.
+    // Four leaves with 15 anchors of 6 rows each, and 24 columns fewer of 8 bytes.
     assert_eq!(left(&still, OPERATORS), Some(4 * 15 * 6 * 24 * 8));
     assert_eq!(still.light.between.unwrap().bands, None);
     let asked = plan_of(4, "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\nbands = 4\n");
@@ -126,8 +126,8 @@ fn what_cannot_be_asked_for_is_refused_by_name() {
     }
 }
 
-/// Sharp shadows that were worked out beforehand: no shadow map is drawn, and the picture is the path tracer's, as it
-/// is with shadow maps.
+/// Sharp shadows that were computed beforehand. No shadow map is drawn, and the picture agrees with the path tracer's,
+/// as it does with shadow maps.
 #[test]
 fn shadows_that_are_known_beforehand_are_those_of_the_path_tracer() {
     let dir = tempfile::tempdir().unwrap();
@@ -146,7 +146,8 @@ fn shadows_that_are_known_beforehand_are_those_of_the_path_tracer() {
     assert!(!has(&known, "pipelines", "shadow") && has(&drawn, "pipelines", "shadow"));
     let p99 = |report: &serde_json::Value| report["views"][0]["flip_p99"].as_f64().unwrap();
     let noise = known["views"][0]["noise_flip_p99"].as_f64().unwrap();
-    // As near the path tracer as shadow maps are, and within thrice its own noise.
+    // The picture is as near to the path tracer's as with shadow maps, and within three times the path tracer's own
+    // noise.
     assert!(p99(&known) < p99(&drawn) + noise && p99(&known) < 3.0 * noise, "{known:#} {drawn:#}");
     let apart = by_shares.as_raw().iter().zip(by_maps.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)));
     let (sum, count) = apart.fold((0.0, 0.0), |(sum, count), d| (sum + d, count + 1.0));
@@ -158,7 +159,7 @@ fn shadows_that_are_known_beforehand_are_those_of_the_path_tracer() {
     assert!(plan.left_out.iter().any(|l| l.name == "sun visibility" && l.reason.contains("asks for shadow maps")));
 }
 
-/// A leaf that no view shows gets no anchors; the plan says what that saves, and the transfer has no more.
+/// A leaf that no view shows gets no anchors. The plan states the saving, and the transfer has no further anchors.
 #[test]
 fn leaves_beside_the_picture_get_no_anchors() {
     let dir = tempfile::tempdir().unwrap();
@@ -167,7 +168,7 @@ fn leaves_beside_the_picture_get_no_anchors() {
     let scene = crowd(dir.path(), [0.3, 0.3], 3, &format!("{beside}{light}"));
     let plan = planned(&scene);
     let left = plan.left_out.iter().find(|l| l.name == "light at leaves beside the pictures").unwrap();
-    // 15 anchors of 6 rows and 8 bytes.
+    // 15 anchors of 6 rows, with 8 bytes each.
     assert_eq!(left.saved_bytes, 15 * 6 * 8);
     assert!(left.reason.contains("no view shows 1 of 4 leaves"), "{}", left.reason);
     let out = dir.path().join("transfer");
@@ -178,7 +179,7 @@ fn leaves_beside_the_picture_get_no_anchors() {
     assert!(!all.left_out.iter().any(|l| l.name == "light at leaves beside the pictures"));
 }
 
-/// A transfer that this machine has not the memory for is refused by the plan, with the numbers, before any leaf is
+/// A transfer for which this machine lacks the memory is refused by the plan, with the numbers, before any leaf is
 /// fitted.
 #[test]
 fn a_transfer_that_is_too_large_is_refused_at_once() {
@@ -186,7 +187,8 @@ fn a_transfer_that_is_too_large_is_refused_at_once() {
         return skips::skip(skips::Need::System, "no /proc/meminfo");
     };
     let dir = tempfile::tempdir().unwrap();
-    // 64·64 anchors a leaf, 6 rows of 49 columns, 64 bytes each; half as much again as there is.
+    // 64·64 anchors for each leaf, 6 rows of 49 columns, 64 bytes each. The scene needs one and a half times the memory
+    // that there is.
     let leaf = 64 * 64 * 6 * 49 * 64;
     let count = 3 * there / leaf / 2 + 1;
     let rest = format!(
@@ -203,7 +205,7 @@ fn a_transfer_that_is_too_large_is_refused_at_once() {
     assert_eq!(said.trim().lines().count(), 1, "{said}");
 }
 
-/// A transfer that is there is only read: the plan asks for no memory where its folder holds one.
+/// A transfer that exists is only read. Then the plan needs no memory for computing it.
 #[test]
 fn a_transfer_that_is_there_is_not_refused() {
     let Some(there) = mesophyll::files::memory::available() else {
@@ -211,7 +213,7 @@ fn a_transfer_that_is_there_is_not_refused() {
     };
     let dir = tempfile::tempdir().unwrap();
     let count = there / (64 * 64 * 6 * 49 * 64) + 8;
-    // One leaf stands far beside the picture: it is not counted.
+    // One leaf stands far beside the picture and is not counted.
     let rest = format!(
         "[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\n\
          radiance = [1, 1, 1]\n[cluster]\nleaves = [\"elm\"]\ncount = {count}\nlength_mm = 20\noffset_mm = 10\ndroop_deg \
@@ -228,8 +230,8 @@ fn a_transfer_that_is_there_is_not_refused() {
     assert!(Scene::open(manifest, search, &Ledger::new()).is_ok());
 }
 
-/// The six clusters are read and planned as docs/light.md has them: 14 leaves with 270 anchors, operators, a map of the
-/// sun.
+/// The six clusters are read and planned as docs/light.md describes them: 14 leaves with 270 anchors, operators, and a
+/// map of the sun.
 #[test]
 fn the_clusters_of_six_species_are_planned() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/canopies/species");
@@ -249,8 +251,8 @@ fn the_clusters_of_six_species_are_planned() {
     assert_eq!(found, 6);
 }
 
-/// The window asks for the sun's map with the direction that the renderer has, in single precision: a sun that was not
-/// moved needs no other map, and one that was gets one.
+/// The window asks for the sun's map with the renderer's direction, which is in single precision. A sun that was not
+/// moved needs no other map, and a sun that was moved gets one.
 #[cfg(feature = "render")]
 #[test]
 fn the_window_asks_for_no_map_before_its_sun_moves() {

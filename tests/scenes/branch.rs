@@ -1,5 +1,5 @@
-//! Branches and wind in a scene: what the plan asks for, and where the GPU's vertex stage puts things against the
-//! library's f64.
+//! Branches and wind in a scene: what the plan requests, and where the GPU's vertex stage puts things, compared with
+//! the library in f64.
 #![cfg(feature = "render")]
 
 use crate::blade;
@@ -30,7 +30,7 @@ lean_per_m_s = 0.03
 
 const WIND: &str = "[wind]\nspeed_m_s = 3\nazimuth_deg = 50\nseed = 4\ntime_s = 1.5\n";
 
-/// A scene with one leaf, which hangs on the branch where there is one.
+/// A scene with one leaf, which hangs on a branch if there is one.
 fn scene(dir: &Path, extra: &str) -> Manifest {
     let fit = dir.join("fits/elm");
     if !fit.exists() {
@@ -57,7 +57,7 @@ fn needs(plan: &Plan, name: &str) -> bool {
     needed
 }
 
-/// (fits of beams, motion textures made)
+/// The numbers of beam fits and of motion textures that were made.
 fn done(ledger: &Ledger) -> (usize, usize) {
     (ledger.count("fit", "beam"), ledger.count("make", "motion texture"))
 }
@@ -114,7 +114,7 @@ fn a_wind_without_branches_changes_no_byte_and_one_with_branches_does() {
     assert_eq!(plain, draw(WIND).0);
     assert_eq!(plain, draw(&storm).0);
     assert!(pipelines.iter().all(|p| !p.contains("bend") && !p.contains("sway")), "{pipelines:?}");
-    // A branch that nothing bends is drawn as it is; what it would lean in a wind that is not there does not matter.
+    // A branch that nothing bends is drawn as it is. Without wind, its lean has no effect.
     let still = SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 0");
     let (straight, pipelines) = draw(&still);
     assert!(pipelines.iter().all(|p| !p.contains("bend") && !p.contains("sway")), "{pipelines:?}");
@@ -136,13 +136,14 @@ fn angle(a: DVec3, b: Vec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
-/// Where the shader's function puts the vertices of a branch and of a leaf on it, against the library in f64; over
-/// tapers from a thin tip to none, loads up to a tip at 0.6 L, and times.
+/// Where the shader puts the vertices of a branch and of a leaf on it, compared with the library in f64. The cases have
+/// tapers from a thin tip to none, loads up to a tip at 0.6 L, and several times.
 #[test]
 fn the_vertex_stage_puts_vertices_where_the_library_does() {
     let Some(mut renderer) = renderer() else { return };
     let dir = tempfile::tempdir().unwrap();
-    // Largest distance (of the branch's length) and angles (°) of normals and tangents: branch, leaf.
+    // Largest distance (relative to the branch's length), and largest angles (°) of normals and tangents, for branch
+    // and leaf.
     let mut worst = [[0.0f64; 3]; 2];
     let mut swing = 0.0f64;
     for (taper, load) in [(0.05, 1.5), (0.3, 40.0), (0.51, 90.0), (1.0, 200.0), (1.2, 260.0)] {
@@ -202,13 +203,13 @@ fn the_vertex_stage_puts_vertices_where_the_library_does() {
     );
     println!("a leaf on it: {:.1e} L, normals {:.1e}°, tangents {:.1e}°", worst[1][0], worst[1][1], worst[1][2]);
     assert!(swing > 0.3, "the branches hardly move: {swing}");
-    // Single precision: a thousandth of a millimetre on this branch, and angles far below a mapped normal's.
+    // Single precision: a thousandth of a millimetre on this branch, and angles far below those of mapped normals.
     for of in worst {
         assert!(of[0] < 1e-5 && of[1] < 0.01 && of[2] < 0.01, "{worst:?}");
     }
 }
 
-/// The pointer finds a leaf where the library says it is, which is not where it was at rest.
+/// The pointer finds a leaf where the library says it is, which is not its place at rest.
 #[test]
 fn the_pointer_meets_what_is_bent() {
     let dir = tempfile::tempdir().unwrap();
@@ -227,7 +228,7 @@ fn the_pointer_meets_what_is_bent() {
         up: Vec3::Y,
         fov_y_deg: 10.0,
     };
-    // The blade's mesh has this vertex inside its outline, or on it: look a little towards its middle.
+    // The vertex lies inside the blade's outline or on it, so places slightly towards the middle are tried too.
     let hits: Vec<_> = [(0.5, 0.5), (0.45, 0.5), (0.55, 0.5), (0.5, 0.45), (0.5, 0.55)]
         .into_iter()
         .filter_map(|(x, y)| mesophyll_viewer::pick::pick(&scene, &camera, 1.0, x, y))
@@ -236,7 +237,7 @@ fn the_pointer_meets_what_is_bent() {
     assert!(!hits.is_empty() && hits.iter().all(|h| h.position.as_dvec3().distance(bent) < 3.0), "{hits:?} {bent}");
 }
 
-/// The reference moves with the time too, and back to the same place.
+/// The reference also moves with time, and returns to the same place.
 #[test]
 fn the_reference_moves_with_the_time() {
     let dir = tempfile::tempdir().unwrap();
@@ -269,7 +270,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
         assert_eq!(out.status.code(), Some(0), "{}", String::from_utf8_lossy(&out.stderr));
     };
     run(&root.join("data/branches/elm-twig.csv"));
-    // What is committed is what the program makes of the data.
+    // The committed fit is the one that the program makes of the data.
     let read = |folder: &Path| mesophyll::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
     let (fresh, committed) = (read(&fit), read(&root.join("fits/elm-twig")));
     let fitted =
@@ -284,7 +285,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     }
     // The data were made with a taper of 0.25 and 60 mm.
     assert!((whole.placed.twigs[0].0.taper - 0.25).abs() < 0.02 && (whole.placed.twigs[0].0.load - 60.0).abs() < 2.0);
-    // Names that are not there, and branches that could not be determined, are named.
+    // Unknown names, and branches that could not be determined, are named in the error.
     let fails =
         |text: &str| Scene::open(scene(dir.path(), text), Search::default(), &Ledger::new()).unwrap_err().to_string();
     assert!(
@@ -299,7 +300,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     run(&thin);
     let said = fails(&fitted);
     assert!(said.contains("alpha") || said.contains("load_over_stiffness"), "{said}");
-    // A tip that would go further than the branch is long.
+    // This tip would move further than the branch is long.
     let said = fails(&SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 900"));
     assert!(said.contains("branch \"twig\"") && said.contains("of its length"), "{said}");
 }

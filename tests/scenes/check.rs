@@ -1,4 +1,4 @@
-//! The check: pictures of generated leaves against the reference, and that what must fail does fail.
+//! The check: pictures of generated leaves are compared with the reference, and a picture that must fail fails.
 #![cfg(feature = "render")]
 
 use crate::blade::{Blade, copy, edit, rehash, scene, tamper};
@@ -55,7 +55,7 @@ fn a_leaf_lit_from_the_front_matches_its_reference_and_its_closed_form() {
     }
     let card = &report["views"][1];
     assert!(card["max_error"].as_f64().unwrap() < 1e-3 && card["noise_max_error"].as_f64().unwrap() < 1e-3, "{card:#}");
-    // Pictures show something.
+    // The pictures show something.
     assert!(report["views"][0]["interior_share"].as_f64().unwrap() > 0.5);
 }
 
@@ -94,7 +94,7 @@ fn pigment_maps_and_shadows_match_too() {
 fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
     let dir = tempfile::tempdir().unwrap();
     let kept = dir.path().join("kept");
-    // Bumps and γ as strong as veins make them, and sides that differ.
+    // Bumps and γ are as strong as veins make them, and the sides differ.
     let blade = Blade { sigma_s: [[11.0, 12.0, 10.0], [16.0, 18.0, 15.0]], bump: 0.25, ..Blade::default() };
     blade.write(&kept, "elm");
     let fit = dir.path().join("fits/elm");
@@ -132,7 +132,7 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
             if hashed {
                 rehash(&fit);
             }
-            // Hashes are no part of a picture: with the old ones the golden alone has to show what was done.
+            // Hashes do not affect the picture. With the old hashes, the golden alone must detect the change.
             let output = check(path, if hashed { &[] } else { &["--goldens-only"] });
             let report = json(&output);
             assert_eq!(
@@ -140,19 +140,19 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
                 (Some(1), &Value::Bool(false)),
                 "{how}, hashed anew: {hashed}: {report:#}"
             );
-            // Without new hashes the changed files are named. `fit.toml` is always written with a hash of its own here;
-            // tests/scenes/goldens.rs edits its text.
+            // Without new hashes, the changed files are named. Here `fit.toml` is always written with a hash of its
+            // own; tests/scenes/goldens.rs edits its text.
             if !hashed && how != "thicker in fit.toml alone" {
                 assert!(report["failures"][0].as_str().unwrap().contains("changed since it was fitted"), "{how}");
             }
-            // By its picture alone, whatever the hashes say; what is drawn is the thickness map, which says nothing of
-            // the mean that `fit.toml` claims.
+            // The picture alone fails, whatever the hashes say. The exception is the mean in `fit.toml`, because the
+            // thickness map is drawn and says nothing about it.
             assert!(how == "thicker in fit.toml alone" || report["views"][0]["passed"] == false, "{how}: {report:#}");
         }
     }
 }
 
-/// Leaves of two species on a twig, in each other's shade: one of the two fits is tampered with.
+/// Leaves of two species on a twig shade each other. One of the two fits is tampered with.
 #[test]
 fn a_cluster_with_one_tampered_fit_fails_too() {
     let dir = tempfile::tempdir().unwrap();
@@ -168,7 +168,7 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
     let path = scene(dir.path(), "twig", "elm", Some(40.0), Some(0.2), twig);
     let text = std::fs::read_to_string(&path).unwrap();
     let mut text = text.replace("[[instance]]\nleaf = \"elm\"\n", "");
-    // A small picture of a wide scene; thresholds three times the reference's own noise there.
+    // A small picture of a wide scene, with thresholds of three times the reference's own noise there.
     for (from, to) in [
         ("eye_mm = [10, -25, 90]", "eye_mm = [60, -130, 90]"),
         ("target_mm = [0, 0, 2]", "target_mm = [0, 0, -4]"),
@@ -190,8 +190,8 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
         "noise of the reference: {} {}",
         untouched["views"][0]["noise_flip_p99"], untouched["views"][0]["noise_max_error"]
     );
-    // What old hashes and the path-traced reference say of such a fit does not depend on how many leaves there are: the
-    // test above asks that.
+    // The effect of old hashes and of the path-traced reference does not depend on the number of leaves. The test above
+    // tests it.
     for how in ["mirrored normal", "swapped sides", "thicker", "sRGB read as linear"] {
         std::fs::remove_dir_all(&fit).unwrap();
         copy(&kept, &fit);

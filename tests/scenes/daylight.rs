@@ -1,5 +1,5 @@
-//! Physical skies in scenes: what is planned and fitted, what is refused, and both renderers against plain integrals of
-//! the sky.
+//! Physical skies in scenes: what is planned and fitted, what is refused, and both renderers compared with plain
+//! integrals of the sky.
 #![cfg(feature = "render")]
 
 use crate::blade::{Blade, scene};
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 const PREETHAM: &str = "[sun]\nzenith_deg = 40\nazimuth_deg = 30\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n";
 
-/// A blade's scene with this light.
+/// A scene of the blade with this light.
 fn lit(dir: &Path, light: &str, extra: &str) -> PathBuf {
     let path = scene(dir, "lit", "elm", None, None, extra);
     let text = std::fs::read_to_string(&path)
@@ -33,7 +33,7 @@ fn planned(path: &Path) -> (Scene, Ledger) {
     (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
 }
 
-/// The polynomial fit runs for a sun that moves and for no other scene; what is not needed is listed as left out.
+/// The polynomial fit runs only for a sun that moves. Unneeded parts are listed as left out.
 #[test]
 fn only_a_sun_that_moves_is_fitted() {
     let dir = tempfile::tempdir().unwrap();
@@ -66,7 +66,8 @@ fn only_a_sun_that_moves_is_fitted() {
     }
 }
 
-/// Bands follow the tolerance where the leaf is matte: 7, 5 or 3 squared numbers a channel.
+/// The number of bands follows from the tolerance where the leaf is matte: 7, 5 or 3, whose squares are the
+/// coefficients of each channel.
 #[test]
 fn a_loose_tolerance_takes_fewer_bands() {
     let dir = tempfile::tempdir().unwrap();
@@ -143,10 +144,10 @@ fov_deg = 6
 max_error = 2e-3
 "#;
 
-/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the
-/// renderer to what seven bands cost (.15 %, see COST) and maps of 16 bits lose (.05 %). The tolerance is so small that
-/// no fewer bands are chosen; at .004 five would do. The leaf beside the cards is judged against the reference with 2 %
-/// of its displayed value on top.
+/// Tilted matte cards under sky, ground and sun. The reference agrees with the integral of the sky to a thousandth. The
+/// renderer agrees to the error of seven bands (.15 %, see COST) plus that of 16-bit maps (.05 %). The tolerance is so
+/// small that no fewer bands are chosen; at .004 five would be. The leaf beside the cards is compared with the
+/// reference, with a further 2 % of its displayed value.
 #[test]
 fn tilted_cards_meet_the_integral_in_both_renderers() {
     let dir = tempfile::tempdir().unwrap();
@@ -177,8 +178,9 @@ fn tilted_cards_meet_the_integral_in_both_renderers() {
     assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p == "sky"));
 }
 
-/// What harmonics cost at 3, 5 and 7 bands, against plain integrals of the sky: worst of 20 tilts. The table of
-/// data/scenes/README.md states it (diffuse, gloss) with the last digit rounded; a tenth above it is another renderer.
+/// The error of harmonics at 3, 5 and 7 bands, compared with plain integrals of the sky: worst of 20 tilts, for diffuse
+/// and gloss. The table of data/scenes/README.md states them with the last digit rounded. An error that is larger by a
+/// tenth means that the renderer has changed.
 const COST: [[f64; 2]; 3] = [[8e-3, 0.16], [4e-3, 0.034], [1.5e-3, 0.019]];
 
 #[test]
@@ -233,7 +235,7 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
         println!("{bands} bands: diffuse within {:.2e}, gloss of m = {m} within {:.2e} (relative)", of[0], of[1]);
         worst.push(of);
     }
-    // Maps of 16 bits keep 5e-4 of a value.
+    // Maps with 16 bits have a relative precision of 5e-4.
     let held = if renderer.adapter().half_precision { 5e-4 } else { 0.0 };
     for (found, stated) in worst.iter().zip(COST) {
         for k in 0..2 {
@@ -242,8 +244,8 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
     }
 }
 
-/// The window's sliders: another sun and turbidity give the coefficients of that sky, from one fit where it reaches and
-/// by integration beyond; the reference under it is another picture too.
+/// The window's sliders. Another sun and turbidity give the coefficients of that sky, from one fit within its range and
+/// by integration outside. The reference under it is another picture too.
 #[test]
 fn the_window_is_given_the_sky_it_asks_for() {
     use mesophyll::scene::window::edit::SceneEditor;
@@ -281,7 +283,7 @@ fn the_window_is_given_the_sky_it_asks_for() {
     assert!(editor.sky(glam::Vec3::Z, 12.0).unwrap_err().contains("turbidity"));
 }
 
-/// A flat uniform card, front up.
+/// A flat uniform card with its front up.
 fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::Dome) -> viewer::scene::Scene {
     use viewer::scene::{Instance, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides};
     let side = |rho_d: f32, gloss: bool| SideMaps {

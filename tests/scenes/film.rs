@@ -1,4 +1,4 @@
-//! A film of a scene: what its frames show, how it goes on, what is refused.
+//! A film of a scene: the content of its frames, how it is continued, and what is refused.
 
 use crate::common::skips::{Need, skip};
 use mesophyll::fit_grass;
@@ -60,7 +60,7 @@ fn a_film_shows_the_wind_and_goes_on() {
     let wanted: Vec<u8> = picture.ldr.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     assert_eq!(seen.into_raw(), wanted);
 
-    // A frame that is missing is drawn again, those that are there stay, and a longer film goes on with them.
+    // A missing frame is drawn again, existing frames stay, and a longer film continues with them.
     std::fs::remove_file(folder.path().join("film/frame-00001.png")).unwrap();
     let written = |k: u32| folder.path().join(format!("film/frame-{k:05}.png")).metadata().unwrap().modified().unwrap();
     let kept = written(0);
@@ -69,7 +69,7 @@ fn a_film_shows_the_wind_and_goes_on() {
     assert!((0..3).all(|k| frame(k).as_ref() == Some(&first[k as usize])) && frame(3).is_some());
     assert_eq!(kept, written(0));
 
-    // Motion vectors are added to frames that are there already. What covers a pixel has one, the sky has none, and the
+    // Motion vectors are added to existing frames. Every pixel that shows a surface has one, and the sky has none. The
     // wind moves something.
     let vectors = |k: u32| folder.path().join(format!("film/frame-{k:05}.motion.exr"));
     assert!(!vectors(0).exists());
@@ -94,7 +94,7 @@ fn a_film_shows_the_wind_and_goes_on() {
     assert_eq!(code, Some(0), "{told}");
     assert!(frame(0).as_ref() != Some(&first[0]) && frame(1).is_none() && !vectors(0).exists());
 
-    // Nor is one overwritten whose record cannot be read; and a refused size does not keep the folder.
+    // A film whose record cannot be read is not overwritten. A size that is refused does not claim the folder.
     std::fs::write(folder.path().join("film/film.json"), "{\"film\": \"x\"}").unwrap();
     let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10"]);
     assert!(code == Some(2) && told.contains("not the record of a film") && frame(0).is_some(), "{told}");
@@ -120,7 +120,7 @@ fn a_film_that_cannot_be_drawn_says_why() {
     refused(&["--view", "w"], "found \"w\", expected one of the scene's views (v)");
 }
 
-/// Slices that are fitted again are not mixed with those of an earlier film.
+/// Frames with slices that were fitted again are not mixed with those of an earlier film.
 #[test]
 fn a_film_knows_the_slices_of_its_lawn() {
     if Renderer::headless(&Options::default()).is_err() {
@@ -152,7 +152,7 @@ fn a_film_knows_the_slices_of_its_lawn() {
     assert!(code == Some(2) && told.contains("or of a scene, fit or adapter that has changed since"), "{told}");
 }
 
-/// A leaf that fades: its film turns from green to yellow and stays as it is from `at_s` on.
+/// A leaf that fades: its film turns from green to yellow and stays so from `at_s` on.
 #[test]
 fn a_film_of_autumn_turns_yellow() {
     if Renderer::headless(&Options::default()).is_err() {
@@ -176,7 +176,7 @@ fn a_film_of_autumn_turns_yellow() {
     let yellow = |[r, g, _]: [i32; 3]| r - g;
     assert!(yellow(first) < -20, "{first:?}");
     assert!(first[0] < second[0] && second[0] < third[0] && third[0] < last[0], "{first:?} {second:?} {third:?}");
-    // Only chlorophyll falls: what carotenoid absorbs of blue stays absorbed.
+    // Only chlorophyll decreases. The blue light that carotenoid absorbs stays absorbed.
     assert!(yellow(last) > -3 && last[2] < last[0] - 15, "{last:?}");
 
     for (old, new, said) in [

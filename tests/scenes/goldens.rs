@@ -1,5 +1,5 @@
-//! Every committed scene is drawn, small, and compared with its golden pictures; fits that are wrong but consistent,
-//! and hashed anew, must miss them.
+//! Every committed scene is drawn small and compared with its golden pictures. Fits that are wrong but consistent, with
+//! new hashes, must not pass.
 #![cfg(feature = "render")]
 
 use crate::json;
@@ -43,7 +43,7 @@ fn check(scene: &Path, out: &Path, args: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Scans, fits and translucency maps that are not committed are made on the way.
+/// Scans, fits and translucency maps that are not committed are made during the test.
 #[test]
 fn every_committed_scene_draws_its_goldens() {
     let dir = tempfile::tempdir().unwrap();
@@ -64,7 +64,7 @@ fn every_committed_scene_draws_its_goldens() {
             let name = view["name"].as_str().unwrap();
             known.insert(scene.with_file_name(format!("golden/{}-{name}.png", manifest.name)));
         }
-        // Every view of the file was drawn, and the hours where there is a day.
+        // Every view of the file was drawn, and so were the hours where there is a day.
         let drawn: BTreeSet<&str> = views.iter().filter_map(|v| v["name"].as_str()).collect();
         for view in manifest.views.iter().map(|v| v.name.as_str()).chain(manifest.day.iter().map(|_| "hours")) {
             assert!(drawn.contains(view), "{}: the view {view} was not drawn", manifest.name);
@@ -79,14 +79,14 @@ fn every_committed_scene_draws_its_goldens() {
     assert_eq!(there, known, "a golden of no view, or a view without a golden; `make goldens` draws them anew");
 }
 
-/// What someone does to the fits beside a scene. Every one leaves a folder that agrees with itself and with its hashes.
+/// Changes to the fits beside a scene. After each of them, the folder agrees with itself and with its hashes.
 struct Tampering {
     what: &'static str,
     scene: &'static str,
     act: fn(&Path),
 }
 
-/// Writes the fit `elm` under `fits` anew as the window's edit does: the maps are solved again, and everything is
+/// Writes the fit `name` under `fits` again as an edit in the window does: the maps are solved again, and everything is
 /// hashed.
 fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Edit) {
     let folder = fits.join(name);
@@ -101,7 +101,7 @@ fn scaled(sigma_a: f64, thickness_mm: f64) -> Edit {
     Edit { sigma_a: [sigma_a; 3], thickness_mm, ..Edit::default() }
 }
 
-/// γ × .8, and ρd with it.
+/// Multiplies γ and ρd by .8.
 fn paler(folder: &Path) {
     let mut record = FitRecord::read(folder).unwrap();
     for side in Side::ALL {
@@ -117,7 +117,7 @@ fn paler(folder: &Path) {
     record.write(folder).unwrap();
 }
 
-/// The load of a measured branch × 2.5.
+/// Multiplies the load of a measured branch by 2.5.
 fn heavier(folder: &Path) {
     let mut record = FitRecord::read(folder).unwrap();
     record.sections.get_mut("branch elm-twig").unwrap().params.get_mut("load_over_stiffness").unwrap().value[0] *= 2.5;
@@ -140,8 +140,8 @@ const TAMPERINGS: [Tampering; 7] = [
     Tampering { what: "load × 2.5", scene: "twig", act: |fits| heavier(&fits.join("elm-twig")) },
 ];
 
-/// The goldens here are drawn from the committed fits as they are, so that this test says nothing of the committed
-/// pictures. That untouched fits meet their goldens is what the test above asks of every scene.
+/// The goldens here are drawn from the committed fits themselves, so this test does not depend on the committed
+/// pictures. The test above checks for every scene that unchanged fits agree with their goldens.
 #[test]
 fn a_consistent_but_wrong_fit_misses_its_golden() {
     let dir = tempfile::tempdir().unwrap();
@@ -185,7 +185,7 @@ fn a_consistent_but_wrong_fit_misses_its_golden() {
     }
 }
 
-/// Numbers that were changed by hand are named whatever the pictures say: of a leaf and of a branch.
+/// Numbers of a leaf and of a branch that were changed by hand are named, whatever the pictures show.
 #[test]
 fn a_number_changed_by_hand_is_named() {
     let dir = tempfile::tempdir().unwrap();

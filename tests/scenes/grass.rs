@@ -1,4 +1,4 @@
-//! Grass in scenes: all blades of one material as a leaf's mesh.
+//! Grass in scenes: all blades of one material form a leaf's mesh.
 
 use crate::common;
 use mesophyll::manifest::Manifest;
@@ -21,7 +21,7 @@ fn scene(folder: &Path, leaf: &str) -> std::path::PathBuf {
     path
 }
 
-/// A description and the file that is grown from it give the same mesh, to the file's f32.
+/// A description and the file that is grown from it give the same mesh, to the precision of the file's f32.
 #[test]
 fn a_leaf_takes_the_blades_of_one_material() {
     let dir = tempfile::tempdir().unwrap();
@@ -37,14 +37,14 @@ fn a_leaf_takes_the_blades_of_one_material() {
     )
     .unwrap();
     let written = mesh(&format!("mesh = \"clover.glb\"\npart = \"clover\"\n{UNIFORM}"));
-    // 650 trefoils on a square metre; four pieces of four triangles and three leaflets of eight.
+    // 650 trefoils on a square metre, each with four pieces of four triangles and three leaflets of eight.
     assert_eq!((described.triangles(), written.triangles()), (104 * 40, 104 * 40));
     assert!(described.bounds().0.distance(written.bounds().0) < 0.01);
     let grass = mesh(&format!("mesh = \"clover.glb\"\npart = \"grass\"\n{UNIFORM}"));
     assert!(grass.triangles() > described.triangles());
 }
 
-/// A meadow that stands as a plant is grown from its description, and no wind moves it.
+/// A meadow that is placed as a plant is grown from its description, and no wind moves it.
 #[test]
 fn a_meadow_is_a_plant_that_stands_still() {
     let dir = tempfile::tempdir().unwrap();
@@ -94,8 +94,9 @@ fn the_committed_scenes_are_planned() {
     }
 }
 
-/// A committed scene is drawn small, with as many blocks: it is within its limits. Its own reference is beyond them where
-/// it is brighter or darker by twice what docs/grass.md says of sunlit slices (23 %).
+/// A committed scene is drawn small, with the same number of blocks, and is within its limits. Its own reference
+/// exceeds the limits when it is made brighter or darker by twice the error that docs/grass.md states for sunlit slices
+/// (23 %).
 #[cfg(feature = "render")]
 #[test]
 fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {

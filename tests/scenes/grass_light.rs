@@ -1,4 +1,5 @@
-//! Light on lawns: the pass beside path-traced blades, under other skies, with slices of a fit; lawns that are hard.
+//! Light on lawns: the pass is compared with path-traced blades, under other skies, and with slices of a fit; and lawns
+//! that are extreme cases.
 
 use crate::grass_pass::{GRASS, GROUND, SIDE, cameras, even, file, lawn, lawn_of, renderer};
 use glam::{DVec3, Vec2, Vec3};
@@ -32,8 +33,8 @@ fn largest(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
     a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Mean radiance of the middle of a lawn by the pass over that of path-traced blades, less 1, a channel, under a sun and
-/// this sky: direction by direction, and the root mean square and the mean over all of them.
+/// Mean radiance of the middle of a lawn by the pass, divided by that of path-traced blades, less 1, for each channel
+/// under a sun and this sky. Returns it for each direction, with the root mean square and the mean over all of them.
 fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f64) {
     let dir = tempfile::tempdir().unwrap();
     let grass = GRASS.replace("[401, 401]", "[9, 11]").replace("texels = [64, 16]", "texels = [64, 32]");
@@ -73,15 +74,16 @@ fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f6
     (all, rms, mean)
 }
 
-/// What docs/grass.md says of sunlit slices, direction by direction: 12 and 18 % at 10° and 20°, 23 % at 45°, 7 and 2 % at
-/// 75° and 90°. Between these, 15 % at 15° and 5 % at 80°. The root mean square over the six directions (three, two and one
-/// at these elevations) is 17 %. No direction may be off by more than twice the largest of the figures, and the mean over
-/// all by more than half of the root mean square.
+/// The errors of sunlit slices that docs/grass.md states for each elevation: 12 and 18 % at 10° and 20°, 23 % at 45°, 7
+/// and 2 % at 75° and 90°. Interpolation gives 15 % at 15° and 5 % at 80°. The root mean square over the six directions
+/// (three, two and one at these elevations) is 17 %. No direction may have more than twice the largest figure, and the
+/// mean over all may have at most half of the root mean square.
 const SUNLIT: f64 = 0.17;
 const SUNLIT_LARGEST: f64 = 2.0 * 0.23;
-/// What docs/grass.md says of an even sky alone: the root mean square over directions and channels, and the largest of the
-/// directions in green. They may grow by a quarter (other adapters, other random numbers); the mean is held to half of the
-/// root mean square. The figures were measured by this very test, so that it guards them and does not judge them.
+/// The figures that docs/grass.md states for an even sky alone: the root mean square over directions and channels, and
+/// the largest of the directions in green. They may be larger by a quarter (other adapters, other random numbers). The
+/// mean may be at most half of the root mean square. This very test measured the figures, so it guards them and does
+/// not judge them.
 const EVEN: f64 = 1.25 * 0.064;
 const EVEN_LARGEST: f64 = 1.25 * 0.12;
 
@@ -104,9 +106,10 @@ fn the_pass_is_as_bright_under_an_overcast_sky() {
     assert!(rms < EVEN && mean.abs() < 0.5 * EVEN, "root mean square {rms}, mean {mean}");
 }
 
-/// What of an even sky arrives at blades of a height, by the slices' table, beside rays from points of the blades
-/// themselves, each direction as much as the blade shows of itself to it. Slices cover a direction within 0.034 of all rays
-/// (docs/grass.md); the table is held to twice that, and to four standard errors of the rays.
+/// The share of an even sky's light that arrives at blades of a height, by the slices' table. It is compared with rays
+/// from points of the blades themselves, where each direction is weighted by the area that the blade shows to it.
+/// Slices cover a direction with an error below 0.034 of all rays (docs/grass.md). The limit for the table is twice
+/// that, plus four standard errors of the rays.
 #[test]
 fn the_sky_arrives_at_blades_as_rays_from_them_say() {
     const STEPS: usize = fit_grass::blades::STEPS;
@@ -120,7 +123,7 @@ fn the_sky_arrives_at_blades_as_rays_from_them_say() {
     fit_grass::weights::fit(&meadow, &mut slices, options.entries).unwrap();
     let table = through::open(&slices, &through::through(&slices));
     let mut sums = [[0.0f64; 4]; STEPS + 1];
-    // Rays of all directions from all places of the layer meet blades evenly by area.
+    // Rays in all directions from all places of the layer hit blades evenly by area.
     let share = |k: usize, a: f64| (k as f64 * a + 0.37).fract();
     let even = |k: usize, [a, b]: [f64; 2], least: f64| {
         let up = least + (1.0 - least) * share(k, a);
@@ -156,7 +159,7 @@ fn the_sky_arrives_at_blades_as_rays_from_them_say() {
     }
 }
 
-/// A sky of harmonics that is the same everywhere is a constant sky: the lower half is taken out of it again.
+/// A sky of harmonics that is the same everywhere is a constant sky, because its lower half is subtracted again.
 #[test]
 fn an_even_dome_is_a_constant_sky() {
     let Some(mut renderer) = renderer() else { return };
@@ -183,7 +186,7 @@ fn an_even_dome_is_a_constant_sky() {
     }
 }
 
-/// A folder of `fit grass` takes the place of slices that are made with a start; one of another meadow, or with other
+/// A folder of `fit grass` replaces the slices that would be made at the start. A fit of another meadow, or with other
 /// leaves, is refused by a sentence.
 #[test]
 fn a_lawn_takes_the_slices_of_a_fit() {
@@ -243,12 +246,12 @@ fn a_lawn_that_nobody_sees_from_above_has_no_level_slice() {
         })
     };
     assert!(!aside(32) && aside(6400));
-    // The same is handed over.
+    // The hand-over decides the same.
     assert!(handover::scene(&scene, &ledger).unwrap().grass[0].level.is_none());
 }
 
-/// Lawns of opacity 0 and 1, of one slice, of one step, seen from below and past their edges: every radiance is finite, and
-/// what has to come out comes out.
+/// Lawns of opacity 0 and 1, of one slice, of one step, seen from below and past their edges. Every radiance is finite,
+/// and known results are met.
 #[test]
 fn hard_lawns_give_what_they_have_to() {
     let Some(mut renderer) = renderer() else { return };
@@ -272,31 +275,31 @@ fn hard_lawns_give_what_they_have_to() {
         picture
     };
     for camera in &cameras(MIDDLE, height)[..6] {
-        // Without a blade the ground is seen: its albedo under a sky of 1.
+        // Without blades the ground is visible: its albedo under a sky of 1.
         for pixel in show(opaque(0.0), camera) {
             assert!((pixel[0] - 0.06).abs() < 1e-4 && (pixel[1] - 0.045).abs() < 1e-4, "{pixel:?}");
         }
-        // White sheets that look up, under a sky of 1.
+        // White sheets that face up, under a sky of 1.
         for pixel in show(opaque(1.0), camera) {
             assert!((pixel[0] - 1.0).abs() < 1e-3, "{pixel:?}");
         }
         show(Grass { steps: 1, ..plain.clone() }, camera);
-        // From below nothing of the lawn is seen that the ground would not hide: radiance stays a share.
+        // From below, the ground would hide everything of the lawn. The radiance stays between 0 and 1.
         let below =
             Camera { eye: MIDDLE + Vec3::new(20.0, 30.0, -300.0), target: MIDDLE, up: Vec3::Y, fov_y_deg: 20.0 };
         assert!(show(plain.clone(), &below).iter().all(|p| p[..3].iter().all(|v| *v <= 1.0)));
-        // Past the edge of a lawn of one rectangle: beside it is nothing.
+        // Past the edge of a lawn of one rectangle there is nothing.
         let (low, high) = (plain.low, -plain.low);
         let small = Grass { low, high, origin: MIDDLE, ..plain.clone() };
         let beside = Camera { target: camera.target + Vec3::new(900.0, 900.0, 0.0), ..*camera };
         assert!(show(small, &beside).iter().all(|p| p[..3] == [0.0; 3]));
     }
-    // One slice across x and one across y.
+    // One slice across x, and one across y.
     let single = lawn_of(dir.path(), &GRASS.replace("slices = 5", "slices = 1")).0;
     let single = show(single.grass[0].as_ref().clone(), &cameras(MIDDLE, height)[1]);
     let wrong: Vec<_> = single.iter().filter(|p| !(p[1] > 0.0 && p[1] < 1.0)).take(3).collect();
     assert!(wrong.is_empty(), "{wrong:?}");
-    // Shifting a lawn by whole rectangles changes nothing but where it ends.
+    // Moving a lawn by whole rectangles changes only where it ends.
     let camera = &cameras(MIDDLE, height)[3];
     let before = show(plain.clone(), camera);
     let by = Vec2::from(plain.period) * Vec2::new(3.0, -2.0);
@@ -304,7 +307,7 @@ fn hard_lawns_give_what_they_have_to() {
         Grass { origin: plain.origin + by.extend(0.0), low: plain.low - by, high: plain.high - by, ..plain.clone() };
     let apart = largest(&show(moved, camera), &before);
     assert!(apart < 1e-3, "{apart}");
-    // What contradicts itself is refused, and the message says where.
+    // A lawn that contradicts itself is refused, and the message says where.
     for (bad, said) in [
         (Grass { height: 0.0, ..plain.clone() }, "grass 0, size"),
         (Grass { count: 0, ..plain.clone() }, "grass 0, count"),

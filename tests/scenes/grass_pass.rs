@@ -1,4 +1,5 @@
-//! The grass pass on the adapter beside the same rays in double precision, and what a scene file may say of a lawn.
+//! The grass pass on the adapter is compared with the same rays in double precision. Also, what a scene file may state
+//! about a lawn.
 
 use crate::common;
 use crate::skips::{self, Need};
@@ -35,7 +36,7 @@ fn renderer_on(backend: Backend) -> Option<Renderer> {
     }
 }
 
-/// A scene of a lawn on a small square, which `more` says more of.
+/// A scene of a lawn on a small square, with further text `more`.
 pub fn file(folder: &Path, grass: &str, more: &str) -> PathBuf {
     let meadow = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("data/grass/lawn.toml")).unwrap();
     let meadow = meadow.replace("size_mm = [400, 400]", "size_mm = [120, 100]");
@@ -52,7 +53,7 @@ pub const GRASS: &str = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\nt
      texels = [64, 16]\nsteps = 256\nposition_mm = [31, -17]\n";
 pub const GROUND: &str = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 50000\nheight_mm = 4\n";
 
-/// The lawn as it is handed over, without the ground's mesh, and its slices.
+/// The lawn as it is handed to the renderer, without the ground's mesh, and its slices.
 pub fn lawn(folder: &Path) -> (Drawn, Slices) {
     lawn_of(folder, GRASS)
 }
@@ -76,13 +77,14 @@ fn held(slices: &Slices) -> Slices {
     out
 }
 
-/// The nearest number with ten bits after the first; smaller ones than 6e-5 keep more here, which shows nowhere.
+/// The nearest number with ten bits after the first one. Numbers below 6e-5 keep more bits here, which has no visible
+/// effect.
 fn in_half(v: f32) -> f32 {
     f32::from_bits((v.to_bits() + 0xfff + (v.to_bits() >> 13 & 1)) & !0x1fff)
 }
 
-/// Cameras that see the lawn edge-on, straight from above, at a grazing angle, along the slices, and from inside; the
-/// mean of the middle rectangle is at the second point. Pixels are smaller than texels.
+/// Cameras straight above the lawn, at elevations from 14° to 70° (two of them along the slices), and inside the lawn.
+/// They look at the place `at` on the ground or near it. Pixels are smaller than texels.
 pub fn cameras(at: Vec3, height: f32) -> Vec<Camera> {
     let one = |eye: Vec3, target: Vec3, up: Vec3, fov_y_deg: f32| Camera {
         eye: at + eye,
@@ -106,7 +108,7 @@ pub fn cameras(at: Vec3, height: f32) -> Vec<Camera> {
     ]
 }
 
-/// Origin (in the lawn) and direction of every pixel's ray, row by row, where it is at the layer or in it.
+/// Origin (in the lawn) and direction of every pixel's ray, row by row, for rays that reach the layer or begin in it.
 fn rays(camera: &Camera, origin: Vec3, height: f64) -> Vec<(DVec3, DVec3)> {
     let [eye, target, up] = [camera.eye, camera.target, camera.up].map(Vec3::as_dvec3);
     let forward = (target - eye).normalize();
@@ -124,11 +126,11 @@ fn rays(camera: &Camera, origin: Vec3, height: f64) -> Vec<(DVec3, DVec3)> {
         .collect()
 }
 
-/// How the wind leans a lawn at a place (x, y from the lawn's origin).
+/// How the wind leans a lawn at a place (x and y from the lawn's origin).
 type Lean<'a> = &'a dyn Fn(DVec2) -> DVec2;
 const STILL: Lean = &|_| DVec2::ZERO;
 
-/// Radiance by every pixel's ray: `colour` of the slices, and `soil` of the ground where there is light left.
+/// Radiance along every pixel's ray: `colour` of the slices, and `soil` of the ground where light is left.
 fn twin(
     slices: &Slices,
     camera: &Camera,
@@ -152,8 +154,8 @@ fn twin(
     rays(camera, origin, slices.height).into_iter().map(one).collect()
 }
 
-/// Every pixel is within `1e-3` of the brightest one, but for a few whose ray passes so close to where two slices cross
-/// that single precision takes them in another order.
+/// Every pixel agrees within `1e-3` of the brightest one. A few exceptions are allowed, whose ray passes so close to
+/// the crossing of two slices that single precision takes them in another order.
 fn agree(what: &str, half: bool, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     let white = right.iter().flatten().fold(0.0f64, |a, b| a.max(*b));
     assert!(white > 0.01, "{what}: {white}");
@@ -163,14 +165,14 @@ fn agree(what: &str, half: bool, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     let worst = errors.iter().fold(0.0f64, |a, b| a.max(*b));
     println!("{what}: mean {mean:.2e}, beyond 1e-3: {:.2} %, worst {worst:.3}", 100.0 * beyond);
-    // Some adapters hold radiance at 16 bits.
+    // Some adapters store radiance with 16 bits.
     assert!(
         beyond < 0.005 && mean < if half { 1e-3 } else { 2e-4 },
         "{what}: mean {mean}, {beyond} beyond 1e-3, worst {worst}"
     );
 }
 
-/// The same sheet with one opacity everywhere, of white blades without transmittance that look up.
+/// The same sheet with one opacity everywhere, of white blades that transmit nothing and face up.
 pub fn even(sheet: &GrassSheet, opacity: f32) -> GrassSheet {
     let mut out = sheet.clone();
     for level in &mut out.levels {
@@ -186,7 +188,7 @@ fn the_pass_is_its_twin_in_double_precision() {
     twins(Backend::Any, &[0, 1, 2, 3, 4, 5, 6]);
 }
 
-/// GL has other rules for numbers below 0 than Vulkan.
+/// GL has other rules for negative numbers than Vulkan.
 #[test]
 fn the_pass_is_its_twin_on_gl() {
     twins(Backend::Gl, &[1, 2]);
@@ -197,7 +199,8 @@ fn twins(backend: Backend, which: &[usize]) {
     beside_twins(backend, which, lawn(dir.path()), STILL);
 }
 
-/// In a wind whose gusts lean blades by a third of their height; the map is small, so that they differ from place to place.
+/// A wind whose gusts lean blades by a third of their height. The map is small, so that the lean differs from place to
+/// place.
 #[test]
 fn the_pass_in_the_wind_is_its_twin() {
     let dir = tempfile::tempdir().unwrap();
@@ -230,9 +233,9 @@ fn the_pass_in_the_wind_is_its_twin() {
     grass.gusts = Some(Arc::new(gusts.clone()));
     drawn.grass = vec![Arc::new(grass)];
     drawn.wind = Some(mesophyll_viewer::scene::Wind { size: 0, motion: Vec::new(), time_s: 1.7 });
-    // From above, across all slices, and from inside; the other cameras have the same code.
+    // Cameras from above, across all slices, and from inside. The other cameras run the same code.
     beside_twins(Backend::Any, &[0, 4, 6], (drawn.clone(), slices), &at);
-    // Another time: the map has gone on, and no scene is set anew.
+    // At another time, the map has moved, and the scene is not set again.
     let Some(mut renderer) = renderer() else { return };
     let camera = &cameras(Vec3::new(32.3, -16.1, 4.0), 50.0)[3];
     drawn.sky = Some([1.0; 3]);
@@ -258,7 +261,7 @@ fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, 
     let half = renderer.adapter().half_precision;
     for &k in which {
         let camera = &cameras[k];
-        // An even sky: what the two sides see of it above them.
+        // An even sky: each of the two sides gets the part of it that is above.
         (drawn.sun, drawn.sky) = (None, Some([1.0; 3]));
         renderer.set_scene(&drawn).unwrap();
         let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| {
@@ -270,7 +273,7 @@ fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, 
         let right = twin(&slices, camera, origin, lean, colour, |_| 1.0);
         let right: Vec<[f64; 3]> = right.into_iter().map(|r| r.0).collect();
         agree(&format!("sky, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
-        // A sun, through the slices.
+        // A sun whose light passes through the slices.
         drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
         drawn.sky = None;
         renderer.set_scene(&drawn).unwrap();
@@ -285,7 +288,7 @@ fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, 
     }
 }
 
-/// A black plate lies in the grass: it is seen where the blades before it let more than half of the light through.
+/// A black plate lies in the grass. It is visible where the blades before it let more than half of the light pass.
 #[test]
 fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
     let Some(mut renderer) = renderer() else { return };
@@ -325,7 +328,7 @@ fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
     assert!(shown > 500 && hidden > 500, "{shown} pixels show the plate, {hidden} do not");
 }
 
-/// The ground hides a sun below the horizon, whose light would come to the blades through it.
+/// The ground hides a sun below the horizon, whose light would otherwise reach the blades through the ground.
 #[test]
 fn a_sun_below_the_horizon_lights_no_blade() {
     let Some(mut renderer) = renderer() else { return };
@@ -348,15 +351,15 @@ fn a_sun_below_the_horizon_lights_no_blade() {
     }
 }
 
-/// With one step, a ray that has more slices ahead shows the colour of the blades that it gathered, however few; one that
-/// crosses one slice or none on its way to the ground shows the ground behind them.
+/// With one step, a ray that has more slices ahead shows the colour of the blades that it gathered, however few. A ray
+/// that crosses at most one slice on its way to the ground shows the ground behind it.
 #[test]
 fn a_ray_that_is_cut_off_shows_the_colour_that_it_gathered() {
     let Some(mut renderer) = renderer() else { return };
     let dir = tempfile::tempdir().unwrap();
     let (mut drawn, mut slices) = lawn(dir.path());
     let middle = Vec3::new(32.3, -16.1, 4.0);
-    // Blades of reflectance 1 that look up, everywhere as thin as this, under a sky of 1: their colour is 1.
+    // Blades with reflectance 1 that face up, with this small opacity everywhere, under a sky of 1. Their colour is 1.
     let opacity = 0.002;
     let base = drawn.grass[0].as_ref().clone();
     let thin = Grass {
@@ -398,10 +401,11 @@ fn a_ray_that_is_cut_off_shows_the_colour_that_it_gathered() {
     assert!(filled > 500 && open > 500, "{filled} pixels are filled, {open} show the ground");
 }
 
-/// The same slices as polygons, sorted and blended: other geometry and another order of the sums, and the same picture.
-/// The targets have half floats, in which a sum is off by 2^-11 of it at most and by half of that in the mean. Some
-/// twenty sums a pixel, all off to one side, are off by 5e-3 in the mean and by 0.01 at most. A pixel that is off by
-/// twice that has polygons whose middles tell their order wrongly; theory does not say how many, and 2 % is a guard.
+/// The same slices as sorted and blended polygons: with other geometry and another order of the sums, the picture is
+/// the same. The targets have half floats, in which a sum is rounded by at most 2^-11 of it and half of that on
+/// average. Some twenty sums for each pixel, all rounded in one direction, give 5e-3 on average and 0.01 at most. A
+/// pixel with twice that error has polygons whose middles give a wrong order. Theory does not say how many such pixels
+/// there are, so the 2 % is only a guard.
 #[test]
 fn billboards_show_what_rays_see() {
     let Some(mut renderer) = renderer() else { return };

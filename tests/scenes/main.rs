@@ -1,4 +1,4 @@
-//! Scenes: planned, handed over, drawn and checked, and the reference renderer.
+//! Scenes are planned, handed over, drawn and checked; and the reference renderer.
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 
@@ -26,7 +26,7 @@ mod translucency_scene;
 
 use common::skips;
 
-/// What the program printed with `--json`.
+/// The program's output with `--json`.
 fn json(output: &std::process::Output) -> serde_json::Value {
     serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))

@@ -1,4 +1,4 @@
-//! Pivot textures: the hierarchy of the plant at rest, rebuilt from the exported files alone.
+//! Pivot textures: the plant's hierarchy at rest is rebuilt from the exported files alone.
 
 use super::plants::{BARK, run, scene};
 use glam::{DVec3, Vec3};
@@ -9,12 +9,12 @@ use mesophyll::placed::ledger::Ledger;
 use mesophyll::placed::plant::planted;
 use std::path::Path;
 
-/// From glTF's metres, y up, to the scene's mm, z up.
+/// From glTF's metres with y up to the scene's mm with z up.
 fn up(x: f32, y: f32, z: f32) -> DVec3 {
     1000.0 * Vec3::new(x, -z, y).as_dvec3()
 }
 
-/// What a material knows of an element: pivot and tip (mm, z up), and its parent.
+/// The data of an element that a material can read: pivot and tip (mm, z up), and the parent.
 fn element(textures: &[Maps; 2], k: usize) -> (DVec3, DVec3, usize) {
     let texel = |maps: &Maps| ["R", "G", "B", "A"].map(|c| maps.get(c).unwrap()[k]);
     let ([x, y, z, parent], [a, b, c, length]) = (texel(&textures[0]), texel(&textures[1]));
@@ -43,7 +43,7 @@ fn the_hierarchy_is_in_the_textures() {
     let plant = plant.plant.moved(plant.places[0]);
     assert_eq!(count, plant.branches.len() + plant.leaves.len());
     let all: Vec<_> = (0..count).map(|k| element(&textures, k)).collect();
-    // The element of a pivot and a tip; no two have the same.
+    // The element with this pivot and this tip. No two elements have the same.
     let find = |pivot: DVec3, tip: DVec3| {
         let mut found = (0..count).filter(|k| all[*k].0.distance(pivot) < 1e-2 && all[*k].1.distance(tip) < 1e-2);
         let one = found.next().unwrap();
@@ -54,7 +54,8 @@ fn the_hierarchy_is_in_the_textures() {
     for (branch, k) in plant.branches.iter().zip(&own) {
         assert_eq!(all[*k].2, branch.parent.map_or(*k, |joint| own[joint.branch]), "{}", branch.name);
     }
-    // Leaves hang on their branches' elements, at their pivots, and every way up ends at the trunk within four levels.
+    // Leaves hang on their branches' elements at their pivots. From every element, the trunk is reached within four
+    // levels.
     for k in (0..count).filter(|k| !own.contains(k)) {
         let branch = &plant.branches[own.iter().position(|b| *b == all[k].2).unwrap()];
         let local = branch.frame().inverse().transform_point3(all[k].0);
@@ -62,7 +63,7 @@ fn the_hierarchy_is_in_the_textures() {
         let trunk = (0..3).fold(k, |at, _| all[at].2);
         assert_eq!(all[trunk].2, trunk);
     }
-    // Every vertex knows its element: bark lies around its branch, leaves beside the line from pivot to tip.
+    // Every vertex has the right element: bark lies around its branch, and leaves beside the line from pivot to tip.
     let (document, buffers, _) = gltf::import(out.join("plant.glb")).unwrap();
     let mut vertices = vec![0; count];
     for node in document.nodes() {
@@ -89,7 +90,7 @@ fn the_hierarchy_is_in_the_textures() {
         let branch = own.iter().position(|b| *b == k);
         assert_eq!(*have, branch.map_or(blade, |b| plant.branches[b].wood.positions.len()));
     }
-    // A second time over the first, and not over what is not its own.
+    // The export may overwrite itself, but not the files of others.
     assert_eq!(run(folder.path(), &words).0, Some(0));
     for (words, expected) in [
         ("scene.toml --to pivots --time 1 -o out", "expected no time"),

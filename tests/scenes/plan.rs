@@ -1,4 +1,4 @@
-//! The plan: what a scene needs, what is left out, and that nothing else is touched.
+//! The plan: what a scene needs, what is left out, and that no other data are read.
 
 use crate::blade::{Blade, scene};
 use mesophyll::manifest::Manifest;
@@ -49,7 +49,7 @@ fn a_front_lit_matte_leaf_needs_neither_back_nor_gloss_nor_sky() {
         assert!(!needed.contains(&name));
     }
     assert!(plan.left_out.iter().all(|l| !l.reason.is_empty() && !l.saved.is_empty()));
-    // Nothing of the back was opened.
+    // No file of the back was opened.
     assert!(ledger.entries().iter().all(|e| !e.what.contains("back")), "{:?}", ledger.entries());
     assert_eq!(ledger.count("curve", "slab curve"), 1);
 }
@@ -92,8 +92,8 @@ fn gloss_is_kept_where_it_shows_and_left_out_where_it_does_not() {
     }
 }
 
-/// A flat, dark leaf with so little gloss that from above nobody sees it, and a view that meets the sun's mirror
-/// direction at this angle.
+/// A flat, dark leaf with so little gloss that it is invisible from above, and a view in the sun's mirror direction at
+/// this angle.
 fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
     let dark = Blade {
         sigma_a: [[45.0, 20.0, 90.0]; 2],
@@ -116,8 +116,8 @@ fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
     path
 }
 
-/// What gloss adds in the middle of that leaf, by the formulas alone: W Eq. 7 in the mirror direction, where the half
-/// vector is the normal.
+/// The contribution of gloss in the middle of that leaf, from the formulas: W Eq. 7 in the mirror direction, where the
+/// half vector is the normal.
 fn added(zenith_deg: f64) -> f64 {
     use mesophyll::optics::slab;
     use mesophyll::transport::tone::display;
@@ -140,7 +140,7 @@ fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
         assert_eq!(shows, zenith > 50.0, "{zenith}: {}", added(zenith));
         assert_eq!(names(&plan).0.contains(&"elm/front_rho_s_m"), shows, "{zenith} degrees: adds {}", added(zenith));
         if !shows {
-            // The bound is no less than what is added, and not many times more.
+            // The bound is at least the contribution, and not many times larger.
             let left = plan.left_out.iter().find(|l| l.name == "elm/front_rho_s_m").unwrap();
             let bound: f64 =
                 left.reason.split("adds at most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
@@ -149,7 +149,7 @@ fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
     }
 }
 
-/// What the plan leaves out is drawn by the reference all the same: a plan that leaves out too much fails its check.
+/// The reference draws also what the plan leaves out, so a plan that leaves out too much fails its check.
 #[cfg(feature = "render")]
 #[test]
 fn the_check_sees_gloss_that_a_plan_left_out_by_mistake() {
@@ -175,13 +175,13 @@ fn a_glossy_side_under_a_constant_sky_needs_its_normals() {
     Blade { rho_s: [0.05, 0.0], ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let (plan, _) = planned(&scene(dir.path(), "sky", "elm", None, Some(1.0), ""));
     let (needed, left) = names(&plan);
-    // How much of the sky a lobe mirrors depends on the angle between normal and view.
+    // The share of the sky that a lobe mirrors depends on the angle between normal and view.
     assert!(needed.contains(&"elm/front_normal") && needed.contains(&"elm/front_rho_s_m"), "{needed:?}");
     assert!(left.contains(&"elm/back_normal"), "{left:?}");
 }
 
-/// The program's own export, drawn again: metres, a node's scale and a back beside the front come out as the blade that
-/// was exported.
+/// The program's own export is drawn again: with metres, a node's scale and a back beside the front it is the blade
+/// that was exported.
 #[test]
 fn an_exported_leaf_is_the_blade_again_and_one_in_another_unit_is_named() {
     let dir = tempfile::tempdir().unwrap();
@@ -209,13 +209,13 @@ fn an_exported_leaf_is_the_blade_again_and_one_in_another_unit_is_named() {
     assert_eq!(a.indices, b.indices);
     assert!(a.positions.iter().zip(&b.positions).all(|(p, q)| p.distance(*q) < 1e-4));
     assert!(own.plan.warnings.is_empty() && again.plan.warnings.is_empty(), "{:?}", again.plan.warnings);
-    // Metres taken for millimetres: the leaf is a thousandth of its size.
+    // Metres are read as millimetres, so the leaf has a thousandth of its size.
     let tiny = with("mesh = \"leaf.glb\"\nmesh_unit = \"mm\"");
     let said = tiny.plan.warnings.join("\n");
     assert!(said.contains("mm across") && said.contains("mesh_unit") && said.contains("no view shows it"), "{said}");
     let words = assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).output().unwrap();
     assert!(String::from_utf8_lossy(&words.stdout).contains("warning: leaf \"elm\": mesh"));
-    // And one that stands beside every view.
+    // A leaf that stands beside every view.
     std::fs::write(
         &path,
         text.replace("[[instance]]\nleaf = \"elm\"", "[[instance]]\nleaf = \"elm\"\nposition_mm = [5000, 0, 0]"),
@@ -268,8 +268,8 @@ fn a_tighter_tolerance_takes_a_finer_curve_and_a_distant_view_coarser_maps() {
     assert!(far.left_out.iter().any(|l| l.name.contains("map detail")));
 }
 
-/// A plan is plain data: two of one scene decide the same and have the same hash, and nothing of it is hidden from
-/// JSON.
+/// A plan is plain data. Two plans of one scene make the same decisions and have the same hash, and JSON shows all of
+/// it.
 #[test]
 fn plans_can_be_compared() {
     let dir = tempfile::tempdir().unwrap();
@@ -281,7 +281,7 @@ fn plans_can_be_compared() {
     let json = serde_json::to_value(&one).unwrap();
     assert_eq!(json["leaves"][0]["sides"][0]["gloss"], one.leaves[0].sides[0].gloss);
     assert_eq!(json["light"]["msaa"], one.light.msaa);
-    // Another decision is another plan.
+    // A plan with another decision is another plan.
     let mut less = one.clone();
     less.leaves[0].sides[0].normal = false;
     assert_ne!(less, one);

@@ -1,4 +1,4 @@
-//! Whole plants in scenes: where they stand, what they are made of, what is refused.
+//! Whole plants in scenes: their places, their materials, and what is refused.
 
 use mesophyll::manifest::Manifest;
 use mesophyll::placed::ledger::Ledger;
@@ -18,7 +18,7 @@ pub fn scene(folder: &Path, plant: &str) -> PathBuf {
     path
 }
 
-/// Runs the program in a folder: exit code and messages.
+/// Runs the program in a folder. Returns the exit code and the messages.
 pub fn run(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mesophyll"));
     let output = command.args(words).current_dir(folder).output().unwrap();
@@ -41,7 +41,7 @@ fn plants_stand_where_the_scene_says() {
     let (leaf, rest) = (one[0].placements().next().unwrap(), one[0].plant.leaves[0]);
     let moved = leaf.transform.w_axis.truncate() - 2.0 * rest.transform.w_axis.truncate();
     assert!((moved - glam::DVec3::new(10.0, 20.0, 30.0)).length() < 1e-9);
-    // The same wood as its branches': a tube of the trunk around the root.
+    // The wood is that of its branches: a tube for the trunk around the root.
     assert_eq!(wood[0].mesh.positions.len(), one[0].plant.branches[0].wood.positions.len());
 
     let many = format!("grow = \"twig.toml\"\n{BARK}count = 40\narea_mm = [4000, 2000]\nseed = 3\n");
@@ -50,13 +50,13 @@ fn plants_stand_where_the_scene_says() {
     assert_eq!(a[0].placements().count(), 320);
     let places: Vec<glam::DVec3> = a[0].places.iter().map(|p| p.w_axis.truncate()).collect();
     assert!(places.iter().all(|p| p.x.abs() <= 2000.0 && p.y.abs() <= 1000.0 && p.z == 0.0));
-    // They keep apart: chance alone would put two of forty within 50 mm.
+    // The plants keep a distance. By chance alone, two of forty would be within 50 mm.
     let nearest =
         |k: usize| (0..40).filter(|j| *j != k).map(|j| places[k].distance(places[j])).fold(f64::INFINITY, f64::min);
     assert!((0..40).map(nearest).fold(f64::INFINITY, f64::min) > 80.0);
 }
 
-/// A plant in a file stands as one that is grown on the spot, to single precision.
+/// A plant from a file is the same as one that is grown on the spot, to single precision.
 #[test]
 fn a_file_is_the_plant_that_was_written() {
     let folder = tempfile::tempdir().unwrap();
@@ -103,8 +103,8 @@ fn plants_that_cannot_stand_say_why() {
     }
 }
 
-/// A plant in the wind, written and read back: names and figures stay, lengths and places of growth too, and tips are
-/// where `eval sway` says.
+/// A plant in the wind is written and read back. Names, figures, lengths and places of growth are the same, and tips
+/// are where `eval sway` says.
 #[test]
 fn a_posed_plant_is_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
@@ -141,7 +141,7 @@ fn a_posed_plant_is_written_and_read_back() {
                 plant.branches[j.branch].point(j.at).0.distance(root)
             };
             let apart = (gap(&rest, on, a.root) - gap(&posed, now, b.root)).abs();
-            // Places are single precision of a metre and a half here.
+            // Places have single precision, at about a metre and a half here.
             assert!(apart < 1e-3 * rest.branches[on.branch].radius(on.at) + 2e-3, "{}: {apart} mm", a.name);
         }
         moved = moved.max(a.point(1.0).0.distance(b.point(1.0).0));
@@ -156,7 +156,7 @@ fn a_posed_plant_is_written_and_read_back() {
         let there = find(cells[2]).point(1.0).0;
         assert!(tip.distance(there) < 0.01, "{line} {there}");
     }
-    // Without a wind it is the plant at rest, byte by byte; and what cannot be is said.
+    // Without a wind, the file is that of the plant at rest, byte by byte. Impossible requests are refused.
     std::fs::write(folder.path().join("still.toml"), &still).unwrap();
     assert_eq!(run(&["export", "still.toml", "--to", "gltf", "-o", "still.glb"]).0, Some(0));
     let mut out = mesophyll::flora::form::Plant { name: "s".into(), ..Default::default() };
@@ -202,13 +202,13 @@ mod moving {
         Scene::open(Manifest::read(&path).unwrap(), Search::default(), &Ledger::new()).unwrap()
     }
 
-    /// The plant of one place as the f64 pose has it, in world space.
+    /// The plant of one place by the f64 pose, in world space.
     fn posed(scene: &Scene, rest: &Plant, place: usize, time: f64) -> Plant {
         let winds = scene.placed.winds.as_ref().unwrap();
         winds.pose(0, place, time).unwrap().plant(rest).moved(scene.placed.wood[place].places[0])
     }
 
-    /// Bark's vertices in world space, in the order of the wood's mesh.
+    /// The vertices of the bark in world space, in the order of the wood's mesh.
     fn bark(plant: &Plant) -> Vec<(DVec3, DVec3, f64)> {
         let own = |b: &mesophyll::flora::form::Branch| {
             let (frame, length) = (b.frame(), b.length());
@@ -218,8 +218,8 @@ mod moving {
         plant.branches.iter().flat_map(own).collect()
     }
 
-    /// The vertex stage, and the reference renderer's meshes, against the pose in double precision: within 1e-4 of each
-    /// branch's length.
+    /// The vertex stage and the reference renderer's meshes are compared with the pose in double precision: within 1e-4
+    /// of each branch's length.
     #[test]
     fn both_renderers_draw_the_pose() {
         let folder = tempfile::tempdir().unwrap();
@@ -239,7 +239,7 @@ mod moving {
             renderer.set_scene(&drawn).unwrap();
         }
         let leaves = rest.leaves.len();
-        // Leaves turn on their branches, each by an angle of its own.
+        // Leaves turn on their branches, each by its own angle.
         let angles: Vec<f64> = {
             let pose = whole.placed.winds.as_ref().unwrap().pose(0, 1, 2.5).unwrap();
             let turn = |(k, leaf): (usize, &mesophyll::flora::form::Leaf)| {
@@ -299,7 +299,8 @@ mod moving {
         }
     }
 
-    /// Without a wind the scene is what it was: no sections, no textures, no word of them in a shader; the plan says so.
+    /// Without a wind the scene is the same as before: no sections, no textures, and no code for them in a shader. The
+    /// plan says so.
     #[test]
     fn without_a_wind_nothing_of_it_is_made() {
         let folder = tempfile::tempdir().unwrap();

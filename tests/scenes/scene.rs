@@ -1,5 +1,5 @@
-//! Scenes as a whole: the committed ones read, a run makes what is missing and nothing twice, an edit solves the slab
-//! anew.
+//! Whole scenes: the committed ones can be read, a run makes missing data and nothing twice, and an edit solves the
+//! slab again.
 
 use crate::blade::{Blade, scene};
 use crate::skips;
@@ -27,7 +27,7 @@ fn every_committed_scene_reads_and_has_its_card() {
     }
 }
 
-/// A scene with a tiny scan to make first.
+/// A scene with a tiny scan that must be made first.
 fn scanned(dir: &Path, seed: u64) -> std::path::PathBuf {
     let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml");
     let path = scene(dir, "tiny", "elm", Some(30.0), None, "");
@@ -36,7 +36,7 @@ fn scanned(dir: &Path, seed: u64) -> std::path::PathBuf {
         spec.display().to_string()
     );
     let text = std::fs::read_to_string(&path).unwrap().replace("fit = \"fits/elm\"", &scan);
-    // What is tested here is that the stages follow each other, not how well so coarse a leaf is drawn.
+    // This tests that the stages follow each other, and not how well such a coarse leaf is drawn.
     std::fs::write(
         &path,
         text.replace("flip_p99 = 0.15", "flip_p99 = 1.0").replace("max_error = 0.012", "max_error = 1.0"),
@@ -121,7 +121,7 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     edit.sides.front.rho_s_scale = 0.5;
     let update = editor.recompute(0, &edit).unwrap();
     let Interior::Scalars(curve) = &update.sides.back else { panic!("scalars") };
-    // ρt of the doubled blade, by the slab itself at the curve's ends.
+    // ρt of the doubled blade, from the slab itself at the ends of the curve.
     for (h, rho_t) in [(curve.min_mm, curve.rho_t[0]), (curve.max_mm, curve.rho_t[curve.rho_t.len() - 1])] {
         for (c, found) in rho_t.into_iter().enumerate() {
             let exact = slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], f64::from(h)).rho_t;
@@ -143,7 +143,7 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     let exact = slab::exact::response(blade.sigma_a[0][1], blade.sigma_s[0][1], thickness).rho_t;
     assert!((f64::from(maps.plane(Quantity::RhoT, 1).unwrap()[k]) / exact - 1.0).abs() < 1e-5);
     assert!((maps.plane(Quantity::RhoS, 1).unwrap()[k] - 0.025).abs() < 1e-6);
-    // The texel under the pointer reads out what the fit says.
+    // The read-out of the texel under the pointer is the fit's value.
     let rows = editor.probe(0, Side::Front, [24, 18]);
     assert!(
         rows.iter().any(|(n, _)| n.starts_with("σa")) && rows.iter().any(|(n, v)| n == "texel" && v == "good"),

@@ -1,20 +1,20 @@
-//! The order of the scene's folders: each uses only those before it. The compiler does not forbid more inside one
-//! crate, so that this test reads the imports.
+//! The order of the scene's folders: each uses only those before it. Inside one crate the compiler does not enforce
+//! this, so this test reads the imports.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// From the ground up; folders on one floor use nothing of each other.
+/// From the bottom up. Folders on one floor do not use each other.
 const FLOORS: [&[&str]; 4] = [&["plan"], &["loaded"], &["draw"], &["traced", "window"]];
 
 fn floor(name: &str) -> Option<usize> {
     FLOORS.iter().position(|f| f.contains(&name))
 }
 
-/// The folders of this crate that a file uses; `depth` is how many folders it lies in.
+/// The folders of this crate that a file uses. `depth` is the number of folders that it lies in.
 fn used(text: &str, depth: usize) -> BTreeSet<String> {
     let code: String = text.lines().filter(|l| !l.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
-    // From a file in one folder, `super` is that folder and `super::super` is the crate.
+    // In a file of a folder, `super` is that folder and `super::super` is the crate.
     let root = format!("{}::", vec!["super"; depth + 1].join("::"));
     let code = code.replace(&root, "crate::");
     let mut out = BTreeSet::new();
@@ -33,7 +33,7 @@ fn used(text: &str, depth: usize) -> BTreeSet<String> {
     out
 }
 
-/// A sentence for everything that a file of `folder` uses and may not.
+/// A sentence for every forbidden import in a file of `folder`.
 fn wrong(folder: &str, file: &str, text: &str, depth: usize) -> Vec<String> {
     let own = floor(folder);
     used(text, depth)
@@ -50,7 +50,7 @@ fn look(folder: &str, path: &Path, depth: usize, out: &mut Vec<String>) -> usize
         if path.is_dir() {
             files += look(folder, &path, depth + 1, out);
         } else if path.extension().is_some_and(|e| e == "rs") {
-            // A folder's own file is one step nearer to the crate than the files beside it.
+            // A folder's own file is one step nearer to the crate than the other files in it.
             let own = usize::from(path.ends_with("mod.rs"));
             out.extend(wrong(
                 folder,
@@ -80,7 +80,7 @@ fn no_folder_uses_one_above_it() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// In the room below, what stands in the world is built upon the fits, and not the other way round.
+/// In the room below, the things that stand in the world are built upon the fits, and not the other way round.
 #[test]
 fn fits_use_nothing_of_what_is_placed() {
     let folder = &Path::new(env!("CARGO_MANIFEST_DIR")).join("src/placed/fits");

@@ -1,4 +1,4 @@
-//! Translucency maps in a scene: asked for, needed, left out, handed over, drawn.
+//! Translucency maps in a scene: requested, needed, left out, handed over, drawn.
 
 use crate::blade;
 use crate::blade::{Blade, hashes};
@@ -13,10 +13,10 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-/// h_i of a flat, uniform leaf.
+/// Coefficient h_i of a flat, uniform leaf.
 const FLAT: f64 = 0.835_542_4;
 
-/// Writes made-up coefficients as `fit translucency` would: `h(side, column, row)`.
+/// Writes made-up coefficients in the format of `fit translucency`: `h(side, column, row)`.
 fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, usize) -> [f64; 3]) {
     std::fs::create_dir_all(dir).unwrap();
     for (s, side) in ["front", "back"].iter().enumerate() {
@@ -40,20 +40,21 @@ fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, 
     record.write(dir).unwrap();
 }
 
-/// Lets maps say what functions their coefficients belong to.
+/// Sets the basis of the maps' coefficients.
 fn with_basis(maps: &Path, basis: &str) {
     let mut record = FitRecord::read(maps).unwrap();
     record.options.insert("basis".into(), basis.into());
     record.write(maps).unwrap();
 }
 
-/// A leaf whose light through it leans: more from +x than from −x on the left half, the other way round on the right.
+/// A leaf whose transmitted light leans: on the left half more light comes from +x than from −x, and on the right half
+/// less.
 fn leaning(_: usize, column: usize, row: usize) -> [f64; 3] {
     let (x, y) = (column as f64 / 20.0, row as f64 / 15.0);
     [FLAT * (1.0 - 0.25 * x.sin()), FLAT * (1.0 + 0.2 * y.cos()), FLAT * (1.0 + 0.3 * x.sin())]
 }
 
-/// A scene whose leaf asks for the maps.
+/// A scene whose leaf uses the maps.
 fn scene(dir: &Path, name: &str, zenith: Option<f64>, sky: Option<f64>, extra: &str) -> PathBuf {
     let path = blade::scene(dir, name, "elm", zenith, sky, extra);
     let text = std::fs::read_to_string(&path).unwrap();
@@ -62,7 +63,7 @@ fn scene(dir: &Path, name: &str, zenith: Option<f64>, sky: Option<f64>, extra: &
     path
 }
 
-/// The leaf and its maps.
+/// A folder with the leaf and its maps.
 fn folder(blade: &Blade) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     blade.write(&dir.path().join("fits/elm"), "elm");
@@ -89,7 +90,7 @@ fn a_leaf_that_is_never_back_lit_loads_no_map_and_says_so() {
             let left =
                 plan.left_out.iter().find(|l| l.name == format!("elm/translucency/{side}.exr")).expect("left out");
             assert!(left.reason.contains(word), "{}", left.reason);
-            // Half floats with mips on the adapter, and the file.
+            // The saving contains half floats with mips on the adapter, and the file.
             assert!(left.saved_bytes > 96 * 72 * 8, "{}", left.saved);
         }
         assert!(plan.needed.iter().all(|n| !n.name.contains("translucency")), "{:?}", plan.needed);
@@ -111,7 +112,7 @@ fn light_from_behind_needs_the_lit_sides_map_and_says_what_it_adds() {
     assert!(plan.needed.iter().any(|n| n.name == "fit elm translucency"));
     let left = plan.left_out.iter().find(|l| l.name == "elm/translucency/front.exr").expect("the front's");
     assert!(left.reason.contains("never back-lit"), "{}", left.reason);
-    // The mapped normal has no say where the maps have one.
+    // The mapped normal has no effect where the maps decide.
     assert!(!plan.leaves[0].sides[1].normal && plan.leaves[0].sides[1].rho_t);
     assert_eq!(ledger.count("read", "elm/translucency/back.exr"), 1);
     assert_eq!(ledger.count("read", "elm/translucency/front.exr"), 0);
@@ -120,7 +121,7 @@ fn light_from_behind_needs_the_lit_sides_map_and_says_what_it_adds() {
 
 #[test]
 fn maps_that_say_what_the_mapped_normal_says_are_left_out() {
-    // A flat blade without relief: f is n·ω.
+    // For a flat blade without relief, f is n·ω.
     let flat = Blade { bump: 0.0, dome: 0.0, ..Blade::default() };
     let dir = folder(&flat);
     write_maps(&dir.path().join("fits/elm-translucency"), flat.width, flat.height, |_, _, _| [FLAT * 1.001; 3]);
@@ -130,7 +131,7 @@ fn maps_that_say_what_the_mapped_normal_says_are_left_out() {
     assert!(left.reason.contains("tolerates"), "{}", left.reason);
     assert!(!plan.leaves[0].sides[1].translucency && plan.leaves[0].sides[1].normal);
     assert!(plan.needed.iter().any(|n| n.name == "elm/back_normal"));
-    // Off by a tenth they are needed, and the figure is that tenth of what is displayed.
+    // With an error of a tenth they are needed, and the figure is that tenth of the displayed value.
     write_maps(&dir.path().join("fits/elm-translucency"), flat.width, flat.height, |_, _, _| [FLAT * 1.1; 3]);
     let (whole, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
     let plan = &whole.plan;
@@ -156,16 +157,16 @@ fn the_plan_is_the_contracts() {
 fn what_is_wrong_is_named() {
     let dir = folder(&Blade::default());
     let path = scene(dir.path(), "back", Some(140.0), None, "");
-    // Another kind of fit.
+    // The folder has another kind of fit.
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("fits/elm-translucency", "fits/elm")).unwrap();
     let told = open(&path, None).unwrap_err().to_string();
     assert!(told.contains("kind") && told.contains("translucency"), "{told}");
-    // An unknown field.
+    // The scene has an unknown field.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ map = \"x\" }")).unwrap();
     let told = Manifest::read(&path).unwrap_err().to_string();
     assert!(told.contains("map"), "{told}");
-    // Maps of another size.
+    // The maps have another size.
     std::fs::write(&path, &text).unwrap();
     write_maps(&dir.path().join("fits/elm-translucency"), 20, 10, leaning);
     let told = open(&path, None).unwrap_err().to_string();
@@ -198,7 +199,7 @@ mod drawn {
         let want = leaning(1, 40, 36);
         assert!((0..3).all(|i| (f64::from(map[k][i]) - want[i]).abs() < 1e-6), "{:?} {want:?}", map[k]);
 
-        // A flat blade: the sun stands alike in every texel, at (−sx, sy, −sz) of the back's frame.
+        // On a flat blade, the sun has the same direction in every texel: (−sx, sy, −sz) in the back's frame.
         let world = reference::world(&whole, &ledger).unwrap();
         let (zenith, azimuth) = (140f64.to_radians(), 30f64.to_radians());
         let omega = [-zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), -zenith.cos()];
@@ -214,12 +215,12 @@ mod drawn {
         assert!(world.through[0].entering[0].is_none());
     }
 
-    /// Σ h_i √(3/2π) H_i·ω for a sun `zenith` and `azimuth` degrees from the front's normal and its x, on the back, by
-    /// angles: bent where asked.
+    /// Σ h_i √(3/2π) H_i·ω on the back, computed from angles. The sun is `zenith` and `azimuth` degrees from the
+    /// front's normal and from its x. With `bent`, the bent basis is used.
     fn by_angles(h: [f64; 3], zenith: f64, azimuth: f64, bent: bool) -> f64 {
         let (height, azimuth) = ((zenith - 90.0).to_radians(), PI - azimuth.to_radians());
         let share = if bent { (2.0 * height.sin() / (1.0 + height.sin())).powf(0.25) } else { 1.0 };
-        // The three axes stand at azimuths of −120, 120 and 0 degrees, all with the z of a cube's diagonal.
+        // The three axes have azimuths of −120, 120 and 0 degrees, and all have the z of a cube's diagonal.
         let along = [-2.0 * PI / 3.0, 2.0 * PI / 3.0, 0.0].map(|a: f64| (azimuth - a).cos());
         (0..3).map(|i| h[i] * (share * height.cos() * along[i] * 2f64.sqrt() + height.sin()) / (2.0 * PI).sqrt()).sum()
     }
@@ -250,7 +251,8 @@ mod drawn {
         }
     }
 
-    /// What the window's box does to the reference: without its maps a leaf is the leaf that never had any.
+    /// The effect of the window's check box on the reference: without its maps, a leaf is the same as one that never
+    /// had maps.
     #[test]
     fn the_windows_reference_follows_the_maps_that_are_taken_off() {
         use mesophyll::scene::window::edit::SceneEditor;
@@ -283,7 +285,7 @@ mod drawn {
     #[test]
     fn both_renderers_draw_the_same_light() {
         let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
-        // A domed blade whose light leans: under the bent basis also from low over its far side.
+        // A domed blade whose light leans. In the bent basis, the light also comes from low above its far side.
         for (basis, zenith) in [("half-life 2", 125.0), ("bent half-life 2, 3", 104.0)] {
             with_basis(&dir.path().join("fits/elm-translucency"), basis);
             let path = scene(dir.path(), "back", Some(zenith), None, "");
@@ -309,7 +311,7 @@ mod drawn {
     }
 }
 
-/// Lets a made-up leaf say how large its texels are, as fits do.
+/// Writes the size of texels into a made-up leaf, as fits do.
 fn with_texel(fit: &Path, texel_mm: f64) {
     let mut record = FitRecord::read(fit).unwrap();
     record.options.insert("texel_mm".into(), format!("{texel_mm:?}"));
@@ -342,7 +344,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     placed.make_translucency(&manifest, &out, search, &ledger).unwrap();
     assert!(placed.untranslucent(&manifest).is_empty());
     let mut whole = Scene::new(manifest, placed, &ledger).unwrap();
-    // The plan leaves out what is the cosine's; here it is looked at.
+    // The plan would leave out maps that agree with the cosine. Here they are needed for the comparison.
     let plan = &mut whole.plan;
     assert!(
         !plan.leaves[0].sides[1].translucency && plan.left_out.iter().any(|l| l.name == "elm/translucency/back.exr")
@@ -353,7 +355,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     let cosine = -(140f64.to_radians().cos());
     let off = map.iter().map(|f| (f64::from(*f) - cosine).abs()).fold(0.0, f64::max);
     assert!(off < 1e-3, "{off}");
-    // Another leaf than the maps were made from: they are to be made again.
+    // The maps were made from another leaf, so they must be made again.
     Blade { h: 0.25, ..flat }.write(&fit, "elm");
     with_texel(&fit, 1.0);
     let after = open(&path, Some(&out)).unwrap().plan;
@@ -381,7 +383,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
         .unwrap()
     };
     let status = |scene: &Scene| scene.placed.leaves[0].translucent.as_ref().unwrap().source.status;
-    // What is named and says another basis is to be made anew; what says none is as published.
+    // A named folder with another basis must be made again. One that states no basis has the published one.
     for (said, asked, wanted) in [
         (None, "half-life 2", Status::Reuse),
         (None, "bent", Status::Stale),
@@ -396,7 +398,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
         asks(asked);
         assert_eq!(status(&open(&path, None).unwrap()), wanted, "{said:?} {asked}");
     }
-    // Nothing asked for: either is read, others are refused.
+    // Where the scene requests no basis, either is read. Others are refused.
     std::fs::write(&path, &text).unwrap();
     with_basis(&maps, "bent half-life 2, 3");
     let read = open(&path, None).unwrap();
@@ -407,7 +409,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
         let expected = "expected \"half-life 2\" or \"bent half-life 2, 3\"";
         assert!(told.contains("options.basis") && told.contains(other) && told.contains(expected), "{told}");
     }
-    // A value that is none is refused with its line.
+    // A value that names no basis is refused with its line.
     asks("curved");
     let told = Manifest::read(&path).unwrap_err().to_string();
     assert!(
@@ -438,7 +440,7 @@ fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     assert_eq!(translucent.source.status, Status::Reuse);
     assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent half-life 2, 3");
     assert_eq!(whole.loaded[0].coefficients[1].as_ref().map(|m| m.basis), Some(Basis::Bent));
-    // No longer asked for: a run's own maps are made again, as published.
+    // The basis is no longer requested, so a run's own maps are made again with the published one.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{}")).unwrap();
     let after = open(&path, Some(&out)).unwrap().placed;
     assert_eq!(after.leaves[0].translucent.as_ref().unwrap().source.status, Status::Stale);

@@ -1,8 +1,8 @@
-//! Which lobe real leaves want: the figures and the picture of `docs/lobes.md`, made from goniometer scans by `fit
+//! Which lobe suits real leaves: the figures and the picture of `docs/lobes.md`, made from goniometer scans by `fit
 //! gloss --samples`.
 //!
-//! With `MESOPHYLL_DATA` set the page's figures are computed again and must be the printed ones; with
-//! `MESOPHYLL_WRITE_DOCS=1` beside it the page's table and `docs/lobes.svg` are written anew: `MESOPHYLL_WRITE_DOCS=1
+//! With `MESOPHYLL_DATA`, the page's figures are computed again and must be the printed ones. With
+//! `MESOPHYLL_WRITE_DOCS=1` as well, the page's table and `docs/lobes.svg` are written again: `MESOPHYLL_WRITE_DOCS=1
 //! cargo test --release --test lobes`.
 
 mod picture;
@@ -26,7 +26,7 @@ pub struct Sample {
     pub brf: Vec<f64>,
 }
 
-/// A leaf's scan and its three fits, by column.
+/// The scan of a leaf and its three fits, by value column.
 pub struct Leaf {
     pub name: String,
     pub species: String,
@@ -38,8 +38,8 @@ impl Leaf {
     pub fn rms(&self, lobe: usize) -> f64 {
         self.fits[lobe]["rms"]
     }
-    /// AIC of Beckmann's lobe less that of the long-tailed one: n ln of the ratio of the sums of squares, as both have
-    /// as many parameters.
+    /// AIC of Beckmann's lobe minus that of the long-tailed one: n ln of the ratio of the sums of squares, because both
+    /// have the same number of parameters.
     pub fn delta_aic(&self) -> f64 {
         let n = self.samples.iter().map(|s| s.brf.len()).sum::<usize>() as f64;
         2.0 * n * (self.rms(0) / self.rms(1)).ln()
@@ -84,14 +84,14 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Two-sided sign test: the chance of so uneven a split of fair coins.
+/// Two-sided sign test: the probability that fair coins split at least as unevenly.
 fn sign_test(wins: usize, of: usize) -> f64 {
     let most = wins.max(of - wins);
     let choose = |k: usize| (0..k).fold(1.0, |c, i| c * (of - i) as f64 / (i + 1) as f64);
     (2.0 * (most..=of).map(choose).sum::<f64>() / 2f64.powi(of as i32)).min(1.0)
 }
 
-/// 95 % interval of the mean over groups drawn with replacement.
+/// The 95 % interval of the mean over groups that are drawn with replacement.
 fn bootstrap(groups: &[Vec<f64>]) -> [f64; 2] {
     let mut rng = rand_pcg::Pcg64::seed_from_u64(1);
     let mut means: Vec<f64> = (0..20_000)
@@ -165,7 +165,7 @@ fn figures(leaves: &[Leaf]) -> String {
     text
 }
 
-/// Whether two texts say the same but for the last digit of their numbers, give or take two.
+/// Whether two texts are the same, except that the last digit of a number may differ by up to two.
 fn agree(a: &str, b: &str) -> bool {
     let words = |t: &str| {
         t.split_whitespace().map(|w| w.trim_matches(['*', ',', ';', ')', '.', '°']).to_string()).collect::<Vec<_>>()
@@ -209,7 +209,7 @@ fn a_sign_test_and_a_comparison_that_can_fail() {
     assert_eq!(narrow, [3.0, 3.0]);
 }
 
-/// What a file of the program says, without comments and unit tests; nothing of a file of tests.
+/// The text of a program's file without comments and unit tests; nothing of a file of tests.
 fn code(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     if name.ends_with("tests.rs") {
@@ -231,8 +231,8 @@ fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     }
 }
 
-/// `docs/lobes.md` lists the files that a new lobe touches: those that name one, but for the list of the lobes that the
-/// tube's lanes know.
+/// `docs/lobes.md` lists the files to change for a new lobe. They are the files that name a lobe, except the list of
+/// lobes that the tube's lanes know.
 #[test]
 fn few_files_name_a_lobe() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

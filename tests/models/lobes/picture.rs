@@ -1,11 +1,11 @@
-//! `docs/lobes.svg`: a leaf's reflectance in the plane of incidence with the three lobes' fits, and what the long tail
-//! gains a scan.
+//! `docs/lobes.svg`: a leaf's reflectance in the plane of incidence with the fits of the three lobes, and the gain by
+//! the long tail for each scan.
 
 use super::Leaf;
 use mesophyll::optics::gloss::Lobe;
 use std::fmt::Write;
 
-/// The scan that is drawn: the one with the median RMS of all three lobes.
+/// The scan that is drawn. It has the median RMS over all three lobes.
 const SHOWN: &str = "qlo-40-26";
 /// Value column that is drawn (550 nm).
 const BAND: usize = 1;
@@ -44,7 +44,8 @@ fn line(svg: &mut String, a: [f64; 2], b: [f64; 2], colour: &str) {
     );
 }
 
-/// Measured points in the plane of incidence and the fitted curves; view zenith counts towards the mirror side.
+/// Measured points in the plane of incidence, and the fitted curves. The view's zenith angle is positive on the mirror
+/// side.
 fn curves(svg: &mut String, leaf: &Leaf) {
     let (x, y) = (scale([-65.0, 65.0], [60.0, 520.0]), scale([0.0, 0.34], [380.0, 50.0]));
     let place = format!(
@@ -79,7 +80,7 @@ fn curves(svg: &mut String, leaf: &Leaf) {
         };
         let points: Vec<String> =
             (-130..=130).map(|k| 0.5 * f64::from(k)).map(|z| format!("{:.1} {:.1}", x(z), y(brf(z)))).collect();
-        // Beckmann and Cook-Torrance all but coincide: dashes let both be seen.
+        // Beckmann and Cook-Torrance almost coincide, so dashes show both.
         let dash = if k == 2 { " stroke-dasharray=\"7 7\"" } else { "" };
         let _ = writeln!(
             svg,

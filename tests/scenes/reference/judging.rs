@@ -1,4 +1,5 @@
-//! Pictures against pictures: what is the same must be called so, and what a renderer may get wrong must stand out.
+//! Comparisons of pictures: equal pictures must be called equal, and errors of a renderer must be visible in the
+//! figures.
 
 use super::*;
 use mesophyll::transport::compare::{compare, difference_picture, noise_floor};
@@ -30,13 +31,13 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     let found = compare(&picture, &spoilt).unwrap();
     assert_eq!((found.max_error, found.max_at), (Some(51.0 / 255.0), Some((48, 36))));
     assert!(found.flip_mean > 0.0 && found.error_p99 == Some(0.0));
-    // The scale of the FLIP map ends where it is said to: the worst pixel has its lightest colour there, and at twice
-    // that a darker one.
+    // The scale of the FLIP map ends at the stated value. There the worst pixel has the lightest colour, and with twice
+    // this value a darker one.
     let worst = (0..found.flip.len()).max_by(|&a, &b| found.flip[a].total_cmp(&found.flip[b])).unwrap();
     let shade = |top: f64| found.flip_picture(top)[3 * worst];
     assert!(shade(f64::from(found.flip[worst])) == 0xfc && shade(2.0 * f64::from(found.flip[worst])) < 0xf0);
 
-    // an edge pixel is not judged by the largest error, but FLIP sees it
+    // The largest error leaves out edge pixels, but FLIP includes them.
     let edge = picture.interior.iter().position(|i| !i).unwrap();
     let mut spoilt = picture.ldr.clone();
     spoilt[edge][0] ^= 0xff;
@@ -46,13 +47,13 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     assert!(compare(&picture, &spoilt[1..]).is_err());
 }
 
-/// Mistakes that a renderer makes must stand far above the reference's own noise, from both sides and with light from
+/// Typical errors of a renderer must stand far above the reference's own noise, from both sides and with light from
 /// both.
 #[test]
 fn wrong_pictures_stand_out_of_the_noise() {
     let (world, view) = portrait();
     let encode = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    // name, whether it is a gross one, how it is made
+    // Name, whether it is a gross error, and how it is made.
     type Mistake = (&'static str, bool, Box<dyn Fn(&mut World)>);
     let mistakes: [Mistake; 5] = [
         ("mirrored normal", true, {
@@ -100,7 +101,7 @@ fn wrong_pictures_stand_out_of_the_noise() {
     ] {
         let mut world = world.clone();
         world.sun = sun(lamp, SUN);
-        // close up, so that a pixel is smaller than a texel
+        // The camera is so close that a pixel is smaller than a texel.
         let view = Camera { eye, fov_y_deg: 14.0, ..view };
         let reference = shot(&world, &view, 1);
         let floor = noise_floor(&reference, &shot(&world, &view, 2)).unwrap();
@@ -115,9 +116,9 @@ fn wrong_pictures_stand_out_of_the_noise() {
                 found.max_error.unwrap(),
                 floor.max_error.unwrap()
             );
-            // one 8-bit step of rounding is part of any floor
+            // Any noise floor includes one 8-bit step of rounding.
             let (found_max, floor_max) = (found.max_error.unwrap(), floor.max_error.unwrap().max(1.0 / 255.0));
-            // small mistakes: seen at all
+            // Small errors must at least be detected.
             if !gross {
                 assert!(
                     found_max > floor_max,

@@ -1,4 +1,4 @@
-//! The reference renderer against closed forms, analytic geometry and itself; leaves are built by hand.
+//! The reference renderer is compared with closed forms, analytic geometry and itself. The leaves are built by hand.
 
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll::transport::closed_form::Card;
@@ -48,7 +48,7 @@ fn flat_cards_meet_the_closed_form() {
         for (eye, lamp, sky) in [
             (DVec3::new(60.0, 10.0, 80.0), sun(DVec3::new(-0.8, 0.0, 1.0), 0.0), None),
             (DVec3::new(60.0, 10.0, 80.0), sun(DVec3::new(-0.3, 0.2, -1.0), 0.0), None),
-            // a low sun behind the card, where the cavities hide the light, and a low view
+            // A low sun behind the card, where the cavities hide the light, and a low view.
             (DVec3::new(60.0, 10.0, 60.0), sun(DVec3::new(-1.0, 0.0, 0.25), 0.0), None),
             (DVec3::new(80.0, 0.0, 20.0), sun(DVec3::new(-0.4, 0.0, 0.5), 0.0), None),
             (DVec3::new(10.0, 80.0, 25.0), None, Some([0.5, 0.7, 1.0])),
@@ -94,7 +94,8 @@ fn a_white_furnace_gives_the_sky_back() {
     }
 }
 
-/// The blade turned over, with its sides exchanged, must look the same: maps mirrored, normals turned, far side's too.
+/// The blade is turned over, and its sides are exchanged. The picture must stay the same, with mirrored maps and turned
+/// normals, those of the far side too.
 #[test]
 fn the_back_is_the_front_turned_over() {
     for frame in [NormalFrame::Blade, NormalFrame::Tangent] {
@@ -116,7 +117,7 @@ fn the_back_is_the_front_turned_over() {
             let mut brightest = 0f32;
             for (k, (p, q)) in a.hdr.iter().zip(&b.hdr).enumerate() {
                 for c in 0..4 {
-                    // a ray in thousands falls on the other side of the outline by rounding
+                    // By rounding, one ray in thousands falls on the other side of the outline.
                     assert!((p[c] - q[c]).abs() < 1e-5 || !a.interior[k], "{frame:?} pixel {k}: {p:?} {q:?}");
                 }
                 brightest = brightest.max(p[1]);
@@ -153,7 +154,7 @@ fn columns_of_the_back_run_the_other_way() {
     }
 }
 
-/// γ and thickness are interpolated first and the slab solved then; maps interpolate what was solved.
+/// With scalars, γ and thickness are interpolated first and then the slab is solved. Maps interpolate the solutions.
 #[test]
 fn scalars_solve_between_texels() {
     let slab = |h: f64| ([(-3.0 * h).exp(), 0.2, 0.1], [(-9.0 * h).exp(), 0.3, h]);
@@ -186,7 +187,7 @@ fn scalars_solve_between_texels() {
             let ray = lens.ray(i as f64 + (s as f64 + 0.5) / 40.0, 4.5);
             let u = ray.direction.x / -ray.direction.z * 2000.0 / 20.0 + 0.5;
             let at = |u: f64| (2.0 * u - 0.5).clamp(0.0, 1.0);
-            // the far side's map runs the other way
+            // The far side's map runs in the opposite direction.
             let (near, far) = (at(u), at(1.0 - u));
             (1.0 - 0.5 * near) * slab(0.1 + 0.3 * near).0[0] + slab(0.1 + 0.3 * far).1[0]
         });
@@ -198,7 +199,7 @@ fn scalars_solve_between_texels() {
 
 #[test]
 fn masks_cut_at_one_half_and_let_the_sun_through() {
-    // a 4×1 mask whose edge lies halfway across: everything left of it is there
+    // A mask of 4×1 texels whose edge is halfway across. Everything left of it belongs to the leaf.
     let side = || ReferenceSide {
         interior: Interior::Maps { rho_d: [(); 3].map(|_| vec![0.5; 4]), rho_t: [(); 3].map(|_| vec![0.0; 4]) },
         gloss: None,
@@ -219,7 +220,7 @@ fn masks_cut_at_one_half_and_let_the_sun_through() {
     for (x, covered) in [(2, 1.0), (28, 1.0), (31, 0.0), (57, 0.0)] {
         assert_eq!(picture.hdr[30 * 60 + x][3], covered, "column {x}");
     }
-    // a second one right above: its missing half casts no shadow
+    // A second leaf right above: its missing half casts no shadow.
     world.instances.push(Placement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 200.0) });
     world.instances[0].transform = DMat4::from_scale(DVec3::splat(4.0));
     let renderer = Renderer::new(&world).unwrap();
@@ -240,7 +241,7 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
     assert_ne!(one.hdr, shot(2, 2).hdr);
 }
 
-/// The printed noise is the spread that other seeds show.
+/// The printed noise is the spread over other seeds.
 #[test]
 fn the_printed_noise_is_honest() {
     let (world, view) = portrait();
@@ -248,7 +249,8 @@ fn the_printed_noise_is_honest() {
     let shots: Vec<_> = (0..6)
         .map(|seed| renderer.render(&view, 80, 60, &Options { seed, sun_samples: 1, ..Options::default() }).unwrap())
         .collect();
-    // root mean square over the picture, in display units of the green channel, against the printed worst channel
+    // The root mean square over the picture, in display units of the green channel, is compared with the printed worst
+    // channel.
     let value = |p: &ReferencePicture, k: usize| f64::from(p.ldr[k][1]) / 255.0;
     let (mut spread, mut printed, mut count) = (0.0, 0.0, 0);
     for k in 0..80 * 60 {
@@ -295,7 +297,7 @@ fn worlds_that_do_not_fit_together_are_refused() {
     assert!(render(&world, &view, 0, 3, &Options::default()).is_err());
     assert!(render(&world, &view, 4, 3, &Options { samples_per_pixel: 0, ..Options::default() }).is_err());
     assert!(render(&world, &Camera { target: view.eye, ..view }, 4, 3, &Options::default()).is_err());
-    // an empty world is its background
+    // An empty world shows its background.
     let nothing =
         render(&World { background: [0.5, 0.25, 0.125], ..World::default() }, &view, 2, 2, &Options::default())
             .unwrap();

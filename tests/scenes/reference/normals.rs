@@ -1,4 +1,5 @@
-//! Mapped normals against Lambert's law: they turn with the instance, and those in the tangent frame with a bent mesh.
+//! Mapped normals are compared with Lambert's law. They turn with the instance, and normals in the tangent frame also
+//! with a bent mesh.
 
 use super::{alone, blade, camera, leaf, sun, uniform};
 use glam::{DMat4, DQuat, DVec3};
@@ -6,7 +7,7 @@ use mesophyll::transport::lobe::Lobe;
 use mesophyll::transport::{NormalFrame, NormalMap, Options, render};
 use std::f64::consts::PI;
 
-/// A constant mapped normal on a turned, scaled flat blade is Lambert's law about the turned normal.
+/// A constant mapped normal on a turned, scaled flat blade follows Lambert's law about the turned normal.
 #[test]
 fn mapped_normals_turn_with_the_instance() {
     let n = DVec3::new(0.3, -0.2, 0.9).normalize();
@@ -25,8 +26,8 @@ fn mapped_normals_turn_with_the_instance() {
         world.instances[0].transform =
             DMat4::from_scale_rotation_translation(DVec3::splat(1.7), turn * flip, DVec3::ZERO);
         let picture = render(&world, &camera(DVec3::new(5.0, 8.0, 90.0), 3.0), 4, 3, &Options::default()).unwrap();
-        // from behind, the image's own frame (x right, y up, z out) is the flipped leaf's, so the expectation is the
-        // same
+        // From behind, the image's own frame (x right, y up, z out) is that of the leaf turned over, so the expectation
+        // is the same.
         let expected = 3.0 * 0.4 / PI * (turn * n).dot(l);
         for p in &picture.hdr {
             assert!(
@@ -35,7 +36,7 @@ fn mapped_normals_turn_with_the_instance() {
                 p[0]
             );
         }
-        // and lit from behind, the far side's normal counts
+        // With light from behind, the far side's normal counts.
         world.sun = sun(-l, 0.0);
         let lit = render(&world, &camera(DVec3::new(5.0, 8.0, 90.0), 3.0), 4, 3, &Options::default()).unwrap();
         let far = turn * DVec3::new(-n.x, n.y, -n.z);
@@ -44,7 +45,7 @@ fn mapped_normals_turn_with_the_instance() {
     }
 }
 
-/// On a bent blade the tangent frame follows the mesh and the blade's frame does not.
+/// On a bent blade the tangent frame follows the mesh, and the blade's frame does not.
 #[test]
 fn tangent_normals_follow_a_bent_mesh() {
     let n = DVec3::new(0.25, 0.1, 0.95).normalize();
@@ -55,7 +56,7 @@ fn tangent_normals_follow_a_bent_mesh() {
         let mut side = uniform([0.5; 3], [0.0; 3], None);
         side.normal = Some(NormalMap { frame, values: vec![[n.x as f32, n.y as f32, n.z as f32]] });
         let world = alone(leaf(mesh.clone(), side.clone(), side, Lobe::Beckmann), sun(l, 0.0), None);
-        // a camera far away sees x nearly in proportion
+        // For a camera far away, pixels are almost proportional to x.
         let view = camera(DVec3::Z * 1e5, 0.05);
         let picture = render(&world, &view, 31, 21, &Options::default()).unwrap();
         let pixel = 2.0 * 0.025f64.to_radians().tan() / 21.0 * 1e5;

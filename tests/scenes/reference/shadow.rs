@@ -1,4 +1,4 @@
-//! The sun's disk half hidden: how much of it is seen, and the penumbra that this makes.
+//! The sun's disk is half hidden: the visible share, and the penumbra.
 
 use super::{SUN, alone, blade, camera, leaf, sun, uniform};
 use glam::{DMat4, DQuat, DVec3};
@@ -7,7 +7,7 @@ use mesophyll::transport::render::Lens;
 use mesophyll::transport::{Options, Placement, Renderer, World, render};
 use std::f64::consts::PI;
 
-/// Share of a unit disk on the side x > d.
+/// Share of a unit disk that lies on the side x > d.
 fn segment(d: f64) -> f64 {
     let d = d.clamp(-1.0, 1.0);
     (d.acos() - d * (1.0 - d * d).sqrt()) / PI
@@ -32,7 +32,7 @@ fn a_half_hidden_sun_shows_a_circular_segment() {
         let renderer = Renderer::new(&world).unwrap();
         let reach = 100.0 * f64::tan(radius);
         for d in [-1.2, -0.9, -0.5, -0.1, 0.0, 0.3, 0.8, 1.1] {
-            // from a point at x = d·reach the edge cuts the disk at −d
+            // From a point at x = d·reach, the edge cuts the disk at −d.
             let found = renderer.sun_visibility(DVec3::new(d * reach, 3.0, 0.0), 4096, 5).unwrap();
             assert!((found - segment(-d)).abs() < 2e-3, "{radius} {d}: {found} against {}", segment(-d));
         }
@@ -44,7 +44,7 @@ fn a_penumbra_has_the_right_profile_and_is_marked() {
     let (height, radius) = (100.0, 0.05);
     let world = half_hidden(height, radius);
     let (width, rows) = (80, 8);
-    // from below the occluder, straight down
+    // From below the occluder, looking straight down.
     let view = camera(DVec3::new(0.0, 0.0, 50.0), 2.0);
     let options = Options { samples_per_pixel: 64, sun_samples: 16, ..Options::default() };
     let picture = render(&world, &view, width, rows, &options).unwrap();
@@ -71,6 +71,6 @@ fn a_penumbra_has_the_right_profile_and_is_marked() {
         assert!(picture.interior[k]);
     }
     assert!(marked > 100);
-    // 1024 unstratified samples would scatter by √(¼/1024) = .016 at V = ½
+    // 1024 samples without stratification would scatter by √(¼/1024) = .016 at V = ½.
     assert!(squares.sqrt() < 0.008, "{}", squares.sqrt());
 }

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 pub const SUN: f64 = 0.004_65;
 
-/// A blade of `w`×`h` mm about the origin in `n`×`n` cells, bent upwards by `bend` mm at its sides.
+/// A blade of `w`×`h` mm about the origin with `n`×`n` cells, bent upwards by `bend` mm at its sides.
 pub fn blade(w: f64, h: f64, n: usize, bend: f64) -> ReferenceMesh {
     let mut mesh = ReferenceMesh::default();
     for j in 0..=n {
@@ -66,7 +66,7 @@ pub fn camera(eye: DVec3, fov_y_deg: f64) -> Camera {
     Camera { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y_deg }
 }
 
-/// A leaf with veins, two unlike sides, gloss and relief, `n` texels wide.
+/// A leaf with veins, two different sides, gloss and relief, `n` texels wide.
 pub fn veined(n: usize) -> ReferenceLeaf {
     let texel = |k: usize| ((k % n) as f64 / n as f64, (k / n) as f64 / n as f64);
     let vein = |u: f64, v: f64| {
