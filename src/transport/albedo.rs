@@ -1,9 +1,9 @@
-//! The directional albedo a(N·v, m) of a lobe as a table: exact values (see [`Lobe::directional_albedo`]) on a grid,
-//! cubic between.
+//! The directional albedo a(N·v, m) of a lobe as a table. It has exact values (see [`Lobe::directional_albedo`]) on a
+//! grid, and interpolates them by cubics.
 //!
-//! The grid is uniform in ln m and in y = μ(1+m)/(μ+m), which stretches the strip of grazing views about as wide as m,
-//! where a changes fastest. It is refined until the error found between its points is small; what was found is kept in
-//! `error`.
+//! The grid is uniform in ln m and in y = μ(1+m)/(μ+m). This y widens the range of grazing views whose cosine is about
+//! m or less, where a changes fastest. The grid is refined until the error between its points is small; `error` keeps
+//! the error that was found.
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
 use rayon::prelude::*;
@@ -15,13 +15,13 @@ pub struct AlbedoTable {
     columns: usize,
     ln_m: [f64; 2],
     values: Vec<f64>,
-    /// The largest absolute error found halfway between grid points.
+    /// The largest absolute error that was found halfway between grid points.
     pub error: f64,
 }
 
 impl AlbedoTable {
-    /// A table for slopes within `m_range` (floored at 1e-3), refined until the error between its points is below
-    /// `tolerance` or the grid has 257 views; look at [`AlbedoTable::error`] for what was reached.
+    /// A table for slopes within `m_range` (at least 1e-3). It is refined until the error between its points is below
+    /// `tolerance` or the grid has 257 views. [`AlbedoTable::error`] tells which error was reached.
     pub fn new(lobe: Lobe, m_range: [f64; 2], tolerance: f64) -> AlbedoTable {
         let ln_m = m_range.map(|m| m.max(M_FLOOR).ln());
         let narrow = ln_m[1] - ln_m[0] < 1e-9;
@@ -71,7 +71,7 @@ impl AlbedoTable {
         y * m / (1.0 + m - y)
     }
 
-    /// a(N·v, m); both are clamped to the table.
+    /// a(N·v, m), with both arguments clamped to the table.
     pub fn at(&self, cos_view: f64, m: f64) -> f64 {
         let ln_m = m.max(M_FLOOR).ln().clamp(self.ln_m[0], self.ln_m[1]);
         let m = ln_m.exp();
@@ -93,7 +93,8 @@ fn stretch(mu: f64, m: f64) -> f64 {
     mu * (1.0 + m) / (mu + m)
 }
 
-/// First of four neighbouring points and their Lagrange weights at `x`; at the ends the four are the outermost ones.
+/// The first of four neighbouring points, and their Lagrange weights at `x`. Near an end, the four are the outermost
+/// ones.
 fn cubic(x: f64, count: usize) -> (usize, [f64; 4]) {
     let first = (x.floor() as isize - 1).clamp(0, count as isize - 4) as usize;
     let t = x - first as f64;

@@ -1,8 +1,9 @@
-//! The radiance of a flat leaf of one colour in closed form: what both renderers must meet.
+//! The radiance of a flat leaf of one colour in closed form, with which both renderers must agree.
 //!
-//! A card with uniform ρd, ρt, ρs and m, no mapped normals, nothing that hides the sun. Written in angles instead of
-//! vectors; of the lobe it shares D and F with the reference renderer, and nothing with the other one. Limits: the sun
-//! is taken at its centre (an error of the order of its radius squared over m², 2e-5/m² for the real one).
+//! A card has uniform ρd, ρt, ρs and m, no mapped normals, and nothing hides the sun. The formulas use angles instead
+//! of vectors. Of the lobe, this module shares D and F with the reference renderer, and nothing with the other
+//! renderer. Limits: only the sun's centre counts, which is an error of the order of its radius squared over m²
+//! (2e-5/m² for the real sun).
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe, Reflect};
 use super::render::Lens;
@@ -16,15 +17,15 @@ use std::f64::consts::PI;
 pub struct Card {
     /// ρd (with γ), ρs and m of the side that is seen.
     pub rho_d: [f64; 3],
-    /// Gloss ρs a channel.
+    /// ρs of the gloss, for each channel.
     pub rho_s: [f64; 3],
     /// Slope m of the surface.
     pub m: f64,
-    /// Which lobe the gloss has.
+    /// The lobe of the gloss.
     pub lobe: Lobe,
     /// ρt of a beam that enters the other side.
     pub rho_t_far: [f64; 3],
-    /// Out of the side that is seen.
+    /// The normal, out of the side that is seen.
     pub normal: DVec3,
 }
 
@@ -51,8 +52,8 @@ impl Card {
         radiance
     }
 
-    /// What a dome adds, by plain midpoint rules: `near` and `beyond` are its irradiances ([`irradiance`]) on the
-    /// normal and its opposite.
+    /// The contribution of a dome, by plain midpoint rules. `near` and `beyond` are its irradiances ([`irradiance`]) on
+    /// the normal and on the opposite direction.
     pub fn under_dome(
         &self,
         view: DVec3,
@@ -68,7 +69,7 @@ impl Card {
         let cos_view = n.dot(v).max(COS_VIEW_FLOOR);
         let (a, b) = n.any_orthonormal_pair();
         let (rings, spokes) = (48, 96);
-        // Half vectors by slope: ∫ D cosα dω_h is 1, and f_s cosθ dω_l is D G F (v·h)/(N·v) dω_h.
+        // Half vectors are drawn by slope: ∫ D cosα dω_h is 1, and f_s cosθ dω_l is D G F (v·h)/(N·v) dω_h.
         for i in 0..rings {
             let share = (f64::from(i) + 0.5) / f64::from(rings);
             let alpha = self.lobe.quantile(share, self.m).sqrt().atan();
@@ -91,7 +92,7 @@ impl Card {
 
     /// f_s/ρs (1/sr) from the cosines of sun and view and of the angle between them.
     fn shine(&self, cos_sun: f64, cos_view: f64, cos_between: f64) -> f64 {
-        // the half-vector lies at half the angle between, and |v + l| = 2 cos(half)
+        // The half vector lies at half of the angle between the two, and |v + l| = 2 cos(half).
         let half = 0.5 * cos_between.clamp(-1.0, 1.0).acos();
         let cos_alpha = (cos_sun + cos_view) / (2.0 * half.cos());
         let alpha = cos_alpha.clamp(-1.0, 1.0).acos();
@@ -100,7 +101,7 @@ impl Card {
         d * cavity * self.lobe.fresnel(half.cos()) / (4.0 * cos_sun * cos_view)
     }
 
-    /// Radiance at the centre of pixel (x, y) of a picture that shows the card there.
+    /// The radiance at the centre of pixel (x, y), in a picture that shows the card there.
     pub fn pixel(
         &self,
         camera: &Camera,
@@ -114,8 +115,8 @@ impl Card {
     }
 }
 
-/// Irradiance of a dome on the unit normal `n`: a midpoint rule in the elevation (even in it, so that the horizon is an
-/// edge of cells) and azimuth; errors below 1e-4 for skies that are smooth above the horizon.
+/// Irradiance of a dome on the unit normal `n`, by a midpoint rule in elevation and azimuth. Steps in elevation are
+/// even, so that the horizon is an edge of cells. Errors are below 1e-4 for skies that are smooth above the horizon.
 pub fn irradiance(radiance: &dyn Fn(DVec3) -> [f64; 3], n: DVec3) -> [f64; 3] {
     let (rings, spokes) = (200, 400);
     let mut sum = [0.0; 3];

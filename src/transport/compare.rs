@@ -1,35 +1,35 @@
-//! How far a picture is from its reference: a perceptual measure over all of it and the largest error where both must
-//! agree exactly.
+//! Compares a picture with its reference: by a perceptual measure over the whole picture, and by the largest error
+//! where both must agree exactly.
 //!
-//! FLIP (Andersson et al. 2020, LDR) sees the pictures as a person does at 0.7 m from a 0.7 m wide 4K screen (67 pixels
-//! a degree); its mean and 99th percentile are over all pixels. The largest error is over pixels inside one surface and
-//! away from shadow edges, where sampling differences excuse nothing.
+//! FLIP (Andersson et al. 2020, LDR) models how a person sees the pictures at 0.7 m from a 4K screen that is 0.7 m wide
+//! (67 pixels for each degree). Its mean and its 99th percentile are over all pixels. The largest error is over pixels
+//! inside one surface and away from shadow edges, where sampling cannot explain a difference.
 
 use super::render::ReferencePicture;
 use crate::{Error, Result};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
 
-/// The verdict's figures; FLIP and errors lie within 0 (same) and 1.
+/// The figures of a comparison. FLIP and errors are from 0 (equal) to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Pixels a row.
+    /// Number of pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Mean FLIP error over the pixels.
     pub flip_mean: f64,
     /// 99 % of the pixels have a FLIP error of at most this.
     pub flip_p99: f64,
-    /// Largest difference in a channel of the 8-bit pictures, over pixels that are interior and outside penumbras;
+    /// Largest difference in a channel of the 8-bit pictures, over pixels that are interior and outside penumbras.
     /// `None` when the view has no such pixel.
     pub max_error: Option<f64>,
-    /// Column and row of that pixel (the first, if several).
+    /// Column and row of that pixel; the first one, if there are several.
     pub max_at: Option<(usize, usize)>,
     /// 99th percentile of that difference over the same pixels.
     pub error_p99: Option<f64>,
-    /// Share of the pixels that show a leaf at all that went into `max_error`; 0 when none does.
+    /// The pixels that count for `max_error`, as a share of the pixels that show a leaf; 0 when none counts.
     pub interior_share: f64,
-    /// FLIP error a pixel.
+    /// FLIP error of each pixel.
     pub flip: Vec<f32>,
 }
 
@@ -42,8 +42,8 @@ pub fn compare(reference: &ReferencePicture, picture: &[[u8; 4]]) -> Result<Comp
     compare_where(reference, picture, &judged)
 }
 
-/// The same measures between two reference pictures of different seeds: what the reference's own noise amounts to. Only
-/// pixels that both call interior and free of penumbra are judged.
+/// The same measures for two reference pictures with different seeds, which is the reference's own noise. Only pixels
+/// that are interior and free of penumbra in both count.
 pub fn noise_floor(a: &ReferencePicture, b: &ReferencePicture) -> Result<Comparison> {
     let calm = |p: &ReferencePicture| p.interior.iter().zip(&p.penumbra).map(|(&i, &s)| i && !s).collect::<Vec<_>>();
     let judged: Vec<bool> = calm(a).into_iter().zip(calm(b)).map(|(x, y)| x && y).collect();
@@ -89,13 +89,13 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
     })
 }
 
-/// The smallest value that a share `p` of the sorted values does not exceed.
+/// The smallest of the sorted values that at least the share `p` of the values does not exceed.
 fn percentile<T: Copy>(sorted: &[T], p: f64) -> Option<T> {
     let at = (p * sorted.len() as f64).ceil() as usize;
     sorted.get(at.saturating_sub(1)).copied()
 }
 
-/// FLIP error a pixel between two RGBA pictures of the same size.
+/// FLIP error of each pixel between two RGBA pictures of the same size.
 pub fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Vec<f32> {
     let image = |pixels: &[[u8; 4]]| {
         let bytes: Vec<u8> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
@@ -105,8 +105,8 @@ pub fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Ve
 }
 
 impl Comparison {
-    /// The FLIP map as an RGB picture, black (same) to light yellow (FLIP `top` or more, 0 < `top` ≤ 1), 3 bytes a
-    /// pixel.
+    /// The FLIP map as an RGB picture with 3 bytes for each pixel, from black (equal) to light yellow (FLIP `top` or
+    /// more, 0 < `top` ≤ 1).
     pub fn flip_picture(&self, top: f64) -> Vec<u8> {
         let stretched: Vec<f32> = self.flip.iter().map(|f| (f64::from(*f) / top).min(1.0) as f32).collect();
         let map = nv_flip::FlipImageFloat::with_data(self.width as u32, self.height as u32, &stretched);
@@ -114,8 +114,8 @@ impl Comparison {
     }
 }
 
-/// The difference a channel, `gain` times enlarged about mid-grey, as an RGB picture: grey is equal, lighter is too
-/// light.
+/// The difference of each channel as an RGB picture, enlarged `gain` times about mid-grey. Grey means equal, and
+/// lighter means that the picture is too light.
 pub fn difference_picture(reference: &[[u8; 4]], picture: &[[u8; 4]], gain: f64) -> Vec<u8> {
     let channel = |a: u8, b: u8| (128.0 + gain * (f64::from(b) - f64::from(a))).round().clamp(0.0, 255.0) as u8;
     reference.iter().zip(picture).flat_map(|(a, b)| [0, 1, 2].map(|c| channel(a[c], b[c]))).collect()

@@ -1,8 +1,8 @@
-//! Light from all around on the six faces of a cube, and what is left of it when only its largest Haar wavelets are
-//! kept (Ng, Ramamoorthi & Hanrahan 2003): the all-frequency baseline of Wang et al. 2005, Fig. 9.
+//! Light from all around on the six faces of a cube, and the same light when only its largest Haar wavelets are kept
+//! (Ng, Ramamoorthi & Hanrahan 2003). This is the all-frequency baseline of Wang et al. 2005, Fig. 9.
 //!
-//! Since a picture depends linearly on its light, a picture whose light is cut to some wavelets is the picture under
-//! that light; nothing else of the method needs to be repeated to see its error.
+//! A picture depends linearly on its light. So the method's picture with few wavelets is the picture under the light
+//! that has only these wavelets. Nothing else of the method is needed to see its error.
 
 use super::environment::Environment;
 use super::visibility::directions::{on_face, place};
@@ -16,20 +16,20 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, PartialEq)]
 pub struct CubeLight {
     side: usize,
-    /// Face by face, row by row; a channel each.
+    /// The texels face by face and row by row, with one number for each channel.
     texels: Vec<[f64; 3]>,
 }
 
-/// Points of a texel along either side at which the sky is looked at.
+/// Number of points along either side of a texel at which the sky is evaluated.
 const POINTS: usize = 4;
-/// Points of the sun's disk.
+/// Number of points on the sun's disk.
 const DISK: usize = 256;
 
 impl CubeLight {
-    /// Sky and sun of a world as mean radiance in each texel of `side`² · 6.
+    /// Sky and sun of a world, as mean radiance in each of the `side`² · 6 texels.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a side that is no power of two up to 512, or a sun of a radius that no sun has.
+    /// [`Error::Usage`] for a side that is no power of two up to 512, or for an impossible radius of the sun.
     pub fn new(world: &World, side: usize) -> Result<CubeLight> {
         if !side.is_power_of_two() || side > 512 {
             return Err(Error::Usage(format!("a cube of side {side}, expected a power of two up to 512")));
@@ -56,14 +56,14 @@ impl CubeLight {
         Ok(out)
     }
 
-    /// The texel that a direction goes through.
+    /// The texel in which a direction lies.
     fn index(&self, d: DVec3) -> usize {
         let (face, at) = place(d, self.side);
         let [i, j] = at.map(|x| (x.round().max(0.0) as usize).min(self.side - 1));
         (face * self.side + j) * self.side + i
     }
 
-    /// Of a texel, by its middle: off by less than its width squared.
+    /// Solid angle of a texel, computed at its centre. The error is below its width squared.
     fn solid_angle(&self, k: usize) -> f64 {
         let side = self.side;
         let d = on_face(k / (side * side), [(k % side) as f64, (k / side % side) as f64], side);
@@ -75,8 +75,8 @@ impl CubeLight {
         self.texels[self.index(d)]
     }
 
-    /// Keeps the `count` largest wavelets (of the three channels together) and forgets the others. What becomes
-    /// negative counts as black. Returns which share of the sum of squares is left, 0 to 1.
+    /// Keeps the `count` largest wavelets of the three channels together, and drops the others. Values that become
+    /// negative count as 0. Returns the share of the sum of squares that is left, 0 to 1.
     pub fn keep(&mut self, count: usize) -> f64 {
         let mut all = self.texels.clone();
         all.chunks_exact_mut(self.side * self.side).for_each(|face| transform(face, self.side));
@@ -91,10 +91,10 @@ impl CubeLight {
         if whole > 0.0 { left / whole } else { 1.0 }
     }
 
-    /// The same as an environment map of `rows` rows.
+    /// The same light as an environment map with `rows` rows.
     ///
     /// # Errors
-    /// [`Error::Usage`] for light that is no radiance.
+    /// [`Error::Usage`] for values that are no radiance.
     pub fn environment(&self, rows: usize) -> Result<Environment> {
         let texel = |k: usize| {
             let (phi, theta) = ((k % (2 * rows)) as f64 + 0.5, (k / (2 * rows)) as f64 + 0.5);
@@ -107,12 +107,12 @@ impl CubeLight {
     }
 }
 
-/// The four Haar functions of 2 × 2 texels, orthonormal: the mean first.
+/// The coefficients of 2 × 2 texels in the four orthonormal Haar functions, the mean first.
 fn haar([a, b, c, d]: [f64; 4]) -> [f64; 4] {
     [a + b + c + d, a - b + c - d, a + b - c - d, a - b - c + d].map(|v| 0.5 * v)
 }
 
-/// Haar's transform of a square, mean by mean: those of size `n` go to the first quarter.
+/// Haar's transform of a square. At each level the means of size `n` go to the first quarter and are transformed again.
 fn transform(face: &mut [[f64; 3]], side: usize) {
     let mut n = side;
     while n > 1 {
@@ -142,8 +142,8 @@ fn restore(face: &mut [[f64; 3]], side: usize) {
     }
 }
 
-/// One step over the first `n` × `n` texels; `places(n/2, i, j)` says where four values are read and where they are
-/// written. Haar's step is its own inverse.
+/// One step over the first `n` × `n` texels. `places(n/2, i, j)` gives the places where four values are read, and those
+/// where they are written. Haar's step is its own inverse.
 fn step(
     face: &mut [[f64; 3]],
     side: usize,
@@ -172,7 +172,7 @@ mod tests {
         World { sun: Some(sun), sky: Some([0.25, 0.5, 1.0]), ..World::default() }
     }
 
-    /// The sum over the texels is the irradiance of the sun and 4π times the sky's radiance.
+    /// The sum over the texels is the sun's irradiance plus 4π times the sky's radiance.
     #[test]
     fn no_light_is_lost() {
         for side in [8, 32] {
@@ -194,8 +194,8 @@ mod tests {
         for (a, b) in all.texels.iter().flatten().zip(whole.texels.iter().flatten()) {
             assert!((a - b).abs() < 1e-9 * (1.0 + b));
         }
-        // A texel of its own is a mean and a wavelet a level; the even rest of its face and the other faces are six
-        // means.
+        // A single bright texel is a mean and one wavelet at each level. The uniform rest of its face and the other
+        // faces are six means.
         let mut few = whole.clone();
         few.keep(6 + 3 * 4);
         for (a, b) in few.texels.iter().flatten().zip(whole.texels.iter().flatten()) {

@@ -1,9 +1,9 @@
-//! A sky of any radiance for the reference renderer: the true function of direction, never its harmonics.
+//! A sky of any radiance for the reference renderer. It uses the true function of direction, and never its harmonics.
 //!
-//! Diffuse light is integrated by a product rule over the sphere for a grid of normals and interpolated between them
-//! (errors of a few 1e-4, tested); glossy light is sampled for every ray, by half vectors drawn from the lobe's slope
-//! density. What lies on the horizon or on the sun's disk counts as a surface of its own, so that no pixel across their
-//! edges is called even.
+//! Diffuse light is integrated by a product rule over the sphere for a grid of normals, and interpolated between them
+//! (errors of a few 1e-4, tested). Glossy light is sampled for every ray, by half vectors drawn from the lobe's slope
+//! density. The horizon and the sun's disk bound surfaces of their own, so that no pixel across their edges counts as
+//! interior.
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
 use super::world::ReferenceSun;
@@ -12,15 +12,15 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Radiance (a channel each) from a unit direction, all around.
+/// Radiance of each channel from a unit direction, all around.
 pub type RadianceAt = Arc<dyn Fn(DVec3) -> [f64; 3] + Send + Sync>;
 
-/// A sky that differs from direction to direction; nothing shades it.
+/// A sky that depends on direction. Nothing shades it.
 #[derive(Clone)]
 pub struct Dome {
-    /// What lights the leaves.
+    /// The radiance that lights the leaves.
     pub radiance: RadianceAt,
-    /// What is drawn below the horizon.
+    /// The radiance that is drawn below the horizon.
     pub seen_below: [f64; 3],
 }
 
@@ -30,18 +30,18 @@ impl std::fmt::Debug for Dome {
     }
 }
 
-/// What a ray that met no leaf is said to have met: above the horizon, below it, the sun.
+/// The surface number of a ray that met no leaf: above the horizon, below it, or the sun.
 pub(super) const ABOVE: u32 = 0;
 pub(super) const BELOW: u32 = u32::MAX - 1;
 pub(super) const DISK: u32 = u32::MAX - 2;
 
 impl Dome {
-    /// What is seen in a direction: the sky, the sun's disk in front of it.
+    /// The radiance that is seen in a direction: the sky, with the sun's disk in front of it.
     pub(super) fn seen(&self, d: DVec3, sun: Option<&ReferenceSun>) -> ([f64; 3], u32) {
         if d.z <= 0.0 {
             return (self.seen_below, BELOW);
         }
-        // A sky's blue may be a little less than none.
+        // A model's blue may be slightly negative.
         let mut radiance = (self.radiance)(d).map(|v| v.max(0.0));
         if let Some(sun) = sun
             && sun.radius > 0.0
@@ -55,13 +55,13 @@ impl Dome {
     }
 }
 
-/// Irradiance on any normal.
+/// The irradiance on any normal.
 #[derive(Debug, Clone)]
 pub struct IrradianceMap {
     values: Vec<[f64; 3]>,
 }
 
-/// Normals: polar angle by 3°, azimuth by 3°.
+/// The grid of normals: steps of 3° in polar angle and in azimuth.
 const RINGS: usize = 61;
 const SPOKES: usize = 120;
 
@@ -69,7 +69,7 @@ impl IrradianceMap {
     /// Integrates `dome` for every normal of the grid.
     pub fn new(dome: &Dome) -> IrradianceMap {
         let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
-        // Crowded towards the horizon, z = ±t², where skies change fastest and the ground begins.
+        // Nodes with z = ±t² are dense near the horizon, where skies change fastest and the ground begins.
         for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 64, 96)] {
             for i in 0..rings {
                 let t = (f64::from(i) + 0.5) / f64::from(rings);
@@ -96,7 +96,7 @@ impl IrradianceMap {
         IrradianceMap { values }
     }
 
-    /// On the unit normal `n`.
+    /// The irradiance on the unit normal `n`.
     pub fn at(&self, n: DVec3) -> [f64; 3] {
         let x = n.z.clamp(-1.0, 1.0).acos() / PI * (RINGS - 1) as f64;
         let y = (n.y.atan2(n.x) / TAU).rem_euclid(1.0) * SPOKES as f64;
@@ -113,8 +113,8 @@ fn direction(ring: f64, spoke: f64) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
 }
 
-/// A light direction for a half vector drawn from D cosα by two uniform numbers, and the weight f_s (N·l)/density per
-/// unit ρs, which is F·G·(v·h)/((N·v) cosα); `None` where no light can come from.
+/// A light direction for a half vector that is drawn from D cosα by two uniform numbers. Its weight is f_s
+/// (N·l)/density for ρs = 1, which is F·G·(v·h)/((N·v) cosα). `None` where no light can come from.
 pub fn reflected(lobe: Lobe, n: DVec3, v: DVec3, m: f64, [u, w]: [f64; 2]) -> Option<(DVec3, f64)> {
     let m = m.max(M_FLOOR);
     let tan = lobe.quantile(u, m).sqrt();
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
     use crate::lobe::Reflect;
 
-    /// A linear sky's irradiance is π + 2π/3 a·n; an even upper half's is π (1 + cosθ)/2.
+    /// The irradiance of a linear sky is π + 2π/3 a·n; that of a uniform upper half is π (1 + cosθ)/2.
     #[test]
     fn irradiance_meets_its_closed_forms() {
         let a = DVec3::new(0.3, -0.5, 0.6);
@@ -155,8 +155,8 @@ mod tests {
     }
 
     /// ∫ f/ρs cosθ dω by a plain grid, even in sin²θ and azimuth, over the lobes as the papers write them (Beckmann:
-    /// Wang et al. 2005, Eq. 7; GGX: Walter et al. 2007, Eq. 33; V-cavities and Fresnel: Cook & Torrance 1982). Nothing
-    /// is taken from the renderer.
+    /// Wang et al. 2005, Eq. 7; GGX: Walter et al. 2007, Eq. 33; V-cavities and Fresnel: Cook & Torrance 1982). It uses
+    /// no code of the renderer.
     fn albedo(lobe: Lobe, theta: f64, m: f64) -> f64 {
         let (nv, sin_v, n) = (theta.cos(), theta.sin(), 1500);
         let mut sum = 0.0;
@@ -165,7 +165,7 @@ mod tests {
             let nl = (1.0 - sin2).sqrt();
             for k in 0..n {
                 let x = sin2.sqrt() * (PI * (f64::from(k) + 0.5) / f64::from(n)).cos();
-                // v·l gives the half vector's cosines without the vector.
+                // v·l gives the cosines of the half vector without computing the vector.
                 let vh = ((1.0 + nv * nl + sin_v * x) / 2.0).sqrt();
                 let nh = (nv + nl) / (2.0 * vh);
                 let (cos2, m2) = (nh * nh, m * m);

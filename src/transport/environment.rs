@@ -1,8 +1,8 @@
 //! Environment maps: radiance from all around, as a picture over zenith and azimuth.
 //!
-//! Row 0 is at the zenith, column 0 towards +x, azimuth turns towards +y: texel (i, j) has its centre at azimuth
-//! (i + ½)·360°/W and zenith angle (j + ½)·180°/H. Between centres the radiance is interpolated bilinearly; it wraps
-//! around in azimuth and is constant beyond the first and the last row.
+//! Row 0 is at the zenith, column 0 is towards +x, and azimuth turns towards +y. Texel (i, j) has its centre at azimuth
+//! (i + ½)·360°/W and zenith angle (j + ½)·180°/H. Between centres the radiance is interpolated bilinearly. It wraps
+//! around in azimuth, and is constant beyond the first and the last row.
 
 use super::sphere_density::{Cell, SphereDensity};
 use crate::{Error, Result};
@@ -11,14 +11,14 @@ use mesophyll_files::image::{exr_info, read_exr_rows};
 use mesophyll_files::memory;
 use std::path::Path;
 
-/// An environment map with what it is sampled by.
+/// An environment map, with the density by which it is sampled.
 #[derive(Debug, Clone)]
 pub struct Environment {
     columns: usize,
     rows: usize,
-    /// Radiance, a channel each.
+    /// Radiance of each channel.
     texels: Vec<[f32; 3]>,
-    /// `None` for a map that is black all over.
+    /// The density; `None` for a map that is black everywhere.
     pub(super) density: Option<SphereDensity>,
 }
 
@@ -26,7 +26,8 @@ impl Environment {
     /// A map of `columns · rows` texels, row by row.
     ///
     /// # Errors
-    /// A sentence on the first texel that is not a radiance: not finite, or negative; or on a wrong number of texels.
+    /// A sentence about the first texel that is no radiance (not finite, or negative), or about a wrong number of
+    /// texels.
     pub fn new(columns: usize, rows: usize, texels: Vec<[f32; 3]>) -> std::result::Result<Environment, String> {
         if columns == 0 || rows == 0 || texels.len() != columns * rows {
             return Err(format!("{} texels, expected {columns}×{rows}", texels.len()));
@@ -50,8 +51,8 @@ impl Environment {
     /// Reads an EXR with channels R, G and B (half or float) that is twice as wide as high.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file and what is wrong: missing or cut off, a channel that is not there, another
-    /// shape, or a texel that is no radiance.
+    /// [`Error::Input`] that names the file and the fault: it is missing or truncated, lacks a channel, has another
+    /// shape, or has a texel that is no radiance.
     pub fn read(path: &Path) -> Result<Environment> {
         let info = exr_info(path)?;
         let (columns, rows) = (info.width, info.height);

@@ -1,14 +1,14 @@
-//! Leaves by the models of B1 (Baranoski & Rokne 2001) as surfaces that paths meet.
+//! Leaves by the models of B1 (Baranoski & Rokne 2001), as surfaces that paths meet.
 //!
-//! Both follow a path against the light as if it were light: what arrives from the viewer is scattered, and lights are
-//! looked for where it goes. That is right for surfaces that are reciprocal. The layered leaf is not quite
-//! (`docs/foliar.md` says how far), and FSM's rule for direct light shares the assumption.
+//! Both models follow a path against the light as if it went with the light: what comes from the viewer is scattered,
+//! and lights are looked for where it goes. This is right for reciprocal surfaces. The layered leaf is not quite
+//! reciprocal (`docs/foliar.md` gives the error), and FSM's rule for direct light makes the same assumption.
 //!
-//! - [`Model::Fsm`]: shares of the light by a table a side and degree, and lobes that say where each goes. What is
-//!   reflected at the face, and what has turned back before it reached the mesophyll, goes around the mirror direction;
-//!   the rest is diffuse.
-//! - [`Model::Abm`]: a ray through the layers for every turn. Where it goes has no density that could be asked for, so
-//!   lights are only found by rays that meet them.
+//! - [`Model::Fsm`]: a table gives the shares of the light for each side and degree, and lobes give the directions.
+//!   Light that is reflected at the face, and light that turned back before it reached the mesophyll, goes around the
+//!   mirror direction. The rest is diffuse.
+//! - [`Model::Abm`]: each scattering follows a ray through the layers. The density of its direction cannot be
+//!   evaluated, so lights are found only by rays that hit them.
 
 use crate::lobe::Reflect;
 use glam::DVec3;
@@ -18,70 +18,72 @@ use mesophyll_optics::foliar::{Leaf, Side, lobe, ray};
 use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Which of the two models.
+/// The choice between the two models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Model {
-    /// Table and lobes.
+    /// A table and lobes.
     #[default]
     Fsm,
     /// Rays through the layers.
     Abm,
 }
 
-/// A leaf that is the same everywhere, its front the adaxial side.
+/// A leaf that is the same everywhere. Its front is the adaxial side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Foliar {
     model: Model,
-    /// A channel each.
+    /// The leaf for each channel.
     leaves: [Leaf; 3],
     table: Vec<Row>,
-    /// Share of first draws around the mirror direction that stay on their side, a degree each.
+    /// For each degree of incidence, the share of first draws around the mirror direction that stay on their side.
     acceptance: Vec<f64>,
 }
 
-/// What a path meets: shares of it for each channel.
+/// The scattering at a point that a path meets, as shares for each channel.
 #[derive(Debug, Clone, Copy)]
 pub struct Met {
-    /// Diffuse, on the side that it came from.
+    /// Diffuse share on the side that the path came from.
     pub diffuse: [f64; 3],
-    /// Diffuse, on the other side.
+    /// Diffuse share on the other side.
     pub through: [f64; 3],
-    /// Around the mirror direction.
+    /// Share around the mirror direction.
     pub surface: [f64; 3],
-    /// How strongly that is bundled.
+    /// Oblateness of the lobe around the mirror direction.
     pub oblateness: f64,
-    /// Share of first draws around the mirror direction that stay on the side.
+    /// Share of first draws around the mirror direction that stay on their side.
     acceptance: f64,
-    /// Turned back before the mesophyll, and the lobe of that.
+    /// Share that turned back before the mesophyll; the next field is its lobe.
     pub turned: f64,
     lobe: Turned,
 }
 
-/// A leaf as renderers show it that know matte leaves with a gloss.
+/// The leaf for renderers that know only matte leaves with a gloss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StandIn {
-    /// Diffuse reflectance of the front and of the back, what is mirrored at the face left out.
+    /// Diffuse reflectance of the front and of the back, without the light that is mirrored at the face.
     pub rho_d: [[f64; 3]; 2],
-    /// Transmittance, both ways.
+    /// Transmittance, the same in both directions.
     pub rho_t: [f64; 3],
-    /// Scale of the Cook–Torrance gloss on both sides, about 1.
+    /// Scale of the Cook–Torrance gloss on both sides; it is about 1.
     pub rho_s: [f64; 3],
-    /// Its slope.
+    /// Slope of the gloss.
     pub m: f64,
-    /// Its index of refraction: that of the cuticle for green light.
+    /// Refractive index of the gloss: that of the cuticle for green light.
     pub index: f64,
 }
 
 impl Met {
-    /// Densities (1/sr) of what is reflected at the face, and of what turned back, at a unit direction on the lit side:
-    /// `cos` from the normal, `mirror` from the mirror direction, and `forward` along the mirror's side of the leaf.
+    /// Densities (1/sr) of the light that is reflected at the face, and of the light that turned back, in a unit
+    /// direction on the lit side. `cos` is its cosine to the normal, `mirror` to the mirror direction, and `forward`
+    /// its component along the mirror's side of the leaf.
     pub fn densities(&self, cos: f64, mirror: f64, forward: f64) -> [f64; 2] {
         let alpha = mirror.clamp(-1.0, 1.0).acos();
         let around = lobe::density(alpha, self.oblateness) / self.acceptance;
         [around, cos / PI * self.lobe.over_diffuse(cos, forward)]
     }
 
-    /// A direction by the second of these densities: cosine, and sines along and across the mirror's side.
+    /// A direction drawn by the second of these densities: its cosine, and its sines along and across the mirror's
+    /// side.
     pub fn draw_turned(&self, random: &mut impl FnMut() -> f64) -> [f64; 3] {
         loop {
             let (square, phi, keep) = (random(), TAU * random(), random());
@@ -95,7 +97,7 @@ impl Met {
 }
 
 impl Foliar {
-    /// A leaf by its absorption and indices for red, green and blue. `None` where the exact method does not settle (see
+    /// A leaf, by its layers for red, green and blue. `None` where the exact method does not converge (see
     /// [`mesophyll_optics::foliar::exact`]), and for a lobe of infinite oblateness on the faces, which has no density.
     pub fn new(model: Model, leaves: [Leaf; 3]) -> Option<Foliar> {
         let oblateness = leaves[1].oblateness.cuticle;
@@ -107,7 +109,7 @@ impl Foliar {
         Some(Foliar { model, leaves, table, acceptance })
     }
 
-    /// As the paper has FSM: what turned back before the mesophyll is diffuse too.
+    /// FSM as in the paper, where light that turned back before the mesophyll is diffuse too.
     pub fn of_paper(&self) -> Foliar {
         let mut out = Foliar { model: Model::Fsm, ..self.clone() };
         for row in &mut out.table {
@@ -122,15 +124,15 @@ impl Foliar {
         Foliar { model, ..self.clone() }
     }
 
-    /// Which model it is.
+    /// The model by which it is drawn.
     pub fn model(&self) -> Model {
         self.model
     }
 
-    /// This leaf for a renderer that draws matte leaves with a gloss only: diffuse shares are means under light from
-    /// everywhere, and the gloss is the one nearest to what the faces reflect.
+    /// The leaf for a renderer that knows only matte leaves with a gloss. Its diffuse shares are means under light from
+    /// everywhere. Its gloss is the nearest one to the reflection at the faces.
     pub fn stand_in(&self) -> StandIn {
-        // ∫ 2 sin θ cos θ of what a row has, in whole degrees.
+        // ∫ 2 sin θ cos θ of a quantity of the rows, in whole degrees.
         let mean = |back: bool, share: &dyn Fn(f64, &Row) -> f64| {
             let (mut sum, mut weight) = (0.0, 0.0);
             for k in 0..=90 {
@@ -144,7 +146,8 @@ impl Foliar {
         let side =
             |back: bool| -> [f64; 3] { [0, 1, 2].map(|c: usize| mean(back, &|_, row| row.turned + row.diffuse[c])) };
         let (front, back) = (side(false), side(true));
-        // One number for both ways, with which neither side gives more than it gets, what the faces mirror included.
+        // One transmittance for both directions. It is so small that neither side returns more light than it gets,
+        // including the light that the faces mirror.
         let rho_t = [0, 1, 2].map(|c: usize| {
             let mirrored = mean(false, &|angle, _| self.leaves[c].surface_reflectance(angle));
             let both = 0.5 * (mean(false, &|_, row| row.through[c]) + mean(true, &|_, row| row.through[c]));
@@ -154,9 +157,9 @@ impl Foliar {
         StandIn { rho_d: [front, back], rho_t, rho_s, m, index: self.leaves[1].n_cuticle }
     }
 
-    /// ρs, a channel each, and the slope m (to .01) of the Cook–Torrance lobe nearest to what green light's face
-    /// reflects: least squares of f_s (N·l) over directions of view and of light, relative to what the face reflects of
-    /// each view, so that bright grazing views do not decide alone.
+    /// ρs for each channel, and the slope m (to .01), of the Cook–Torrance lobe that is nearest to the face's
+    /// reflection of green light. The fit is by least squares of f_s (N·l) over directions of view and of light.
+    /// Residuals are relative to the total reflection for each view, so that bright grazing views do not dominate.
     fn nearest_gloss(&self) -> ([f64; 3], f64) {
         const VIEWS: usize = 8;
         const RINGS: usize = 12;
@@ -167,7 +170,7 @@ impl Foliar {
         }
         let lobe = Lobe::CookTorrance { index: green.n_cuticle };
         let middle = |k: usize, of: usize| (k as f64 + 0.5) / of as f64;
-        // (view, light, density of what the face sends there) over equal parts of sin²θ.
+        // Each sample is a view, a light and the density that the face sends there, over equal parts of sin²θ.
         let samples: Vec<(DVec3, DVec3, f64)> = (0..VIEWS * RINGS * SECTORS)
             .map(|k| {
                 let (view, ring, sector) = (k / (RINGS * SECTORS), k / SECTORS % RINGS, k % SECTORS);
@@ -201,7 +204,7 @@ impl Foliar {
         (self.leaves.each_ref().map(of_green), m)
     }
 
-    /// What a path meets that comes from the unit direction `view` onto the side whose normal is `normal`.
+    /// The scattering for a path that comes from the unit direction `view` onto the side with the normal `normal`.
     pub fn meet(&self, view: DVec3, normal: DVec3, back: bool) -> Met {
         let incidence = normal.cross(view).length().atan2(normal.dot(view)).clamp(0.0, FRAC_PI_2);
         let at = (if back { PI - incidence } else { incidence }).to_degrees();
@@ -220,7 +223,7 @@ impl Foliar {
         }
     }
 
-    /// Shares of a channel's light at `incidence` (radians from the normal of the lit side) that FSM sends into the
+    /// Shares of one channel's light at `incidence` (radians from the normal of the lit side) that FSM sends into the
     /// patches of the goniometer, ring by ring ([`mesophyll_optics::foliar::goniometer`]).
     pub fn patches(&self, side: Side, incidence: f64, channel: usize) -> Vec<f64> {
         let back = side == Side::Abaxial;
@@ -242,8 +245,8 @@ impl Foliar {
         (0..RINGS * SECTORS).map(patch).collect()
     }
 
-    /// A ray of the layered leaf that comes from `view`: where it goes and what each channel keeps of it. Refractive
-    /// indices are those of green. `up` is the front's normal.
+    /// Follows a ray from `view` through the layered leaf. Returns its direction and what each channel keeps of it.
+    /// Refractive indices are those for green. `up` is the front's normal.
     pub fn follow(&self, view: DVec3, up: DVec3, random: &mut impl FnMut() -> f64) -> Option<(DVec3, [f64; 3])> {
         let (x, y) = up.any_orthonormal_pair();
         let from = [-view.dot(x), -view.dot(y), -view.dot(up)];
@@ -254,14 +257,14 @@ impl Foliar {
     }
 }
 
-/// The interval of `rows` whole degrees that holds `at`, and how far into it.
+/// The interval between two of `rows` whole degrees that contains `at`, and the share of it before `at`.
 fn place(at: f64, rows: usize) -> (usize, f64) {
     let k = (at.max(0.0) as usize).min(rows - 2);
     (k, (at - k as f64).clamp(0.0, 1.0))
 }
 
-/// Uniform numbers of a turn's own, from the numbers that a path has for it: lobes that are drawn again and rays
-/// through layers need any number of them.
+/// An unlimited stream of uniform numbers for one scattering, seeded by the numbers that a path has for it. Lobes with
+/// rejected draws and rays through layers need any number of them.
 pub fn stream(numbers: [f64; 4]) -> impl FnMut() -> f64 {
     use rand::{RngExt, SeedableRng};
     let seed = numbers.iter().fold(0x9e37_79b9_7f4a_7c15_u64, |hash, x| {

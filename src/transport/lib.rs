@@ -1,10 +1,10 @@
 //! Light transport on the CPU: the reference renderer that pictures are judged against.
 //!
-//! It shares no code with the GPU renderer nor with `optics`: rays, texture look-ups, lobes, directional albedo,
-//! sampling and tone mapping are written again here in f64, so that a mistake on one side shows. What both must agree
-//! on is the shading written at the top of `mesophyll_viewer::scene`. [`render`] draws direct light alone (the sun's
-//! disk, and a constant sky or a dome of any radiance, which nothing shadows); [`path`] follows all light from leaf to
-//! leaf.
+//! It shares no code with the GPU renderer or with `optics`. Rays, texture look-ups, lobes, directional albedo,
+//! sampling and tone mapping are written again here in f64, so that an error on one side becomes visible. Both must
+//! agree on the shading that is described at the top of `mesophyll_viewer::scene`. [`render`] draws direct light only:
+//! the sun's disk, and a constant sky or a dome of any radiance, which nothing shadows. [`path`] follows all light from
+//! leaf to leaf.
 
 #![warn(missing_docs)]
 

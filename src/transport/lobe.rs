@@ -1,37 +1,38 @@
-//! Surface reflection f_s per unit ρs, bounded, and its directional albedo by quadrature.
+//! Surface reflection f_s for ρs = 1, bounded, and its directional albedo by quadrature.
 //!
-//! f_s = ρs·D·G/(4 (N·l)(N·v)) with a V-cavity G (Torrance & Sparrow 1967), D of W Eq. 7 (Beckmann) or GGX (Walter et
-//! al. 2007, Eq. 33), and for Cook–Torrance (1982) the dielectric Fresnel factor. Slope m above 0, angles by unit
-//! vectors. Limits: single scattering in the surface (no inter-reflection between facets); N·v is floored at 1e-3.
+//! f_s = ρs·D·G/(4 (N·l)(N·v)) with a V-cavity factor G (Torrance & Sparrow 1967), D of W Eq. 7 (Beckmann) or GGX
+//! (Walter et al. 2007, Eq. 33), and for Cook–Torrance (1982) the dielectric Fresnel factor. The slope m is above 0,
+//! and angles are given by unit vectors. Limits: light scatters once in the surface (no inter-reflection between
+//! facets), and N·v is at least 1e-3.
 
 use super::quadrature::{adaptive, sixteen};
 use glam::DVec3;
 pub use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
-/// Below this cosine the view is taken to graze no further.
+/// The smallest cosine of a view. More grazing views are evaluated at this cosine.
 pub const COS_VIEW_FLOOR: f64 = 1e-3;
-/// The smallest slope; a smoother surface is drawn with this one.
+/// The smallest slope. A smoother surface is drawn with this one.
 pub const M_FLOOR: f64 = 1e-3;
 
-/// The lobe as scenes are lit with it: bounded by G, with the renderers' floors, and its albedo by quadrature. D and F
-/// are those of [`Lobe`], of which the renderer's shader is the other computation.
+/// The lobe with which scenes are lit: bounded by G, with the same smallest values as in the renderer, and with its
+/// albedo by quadrature. D and F are those of [`Lobe`]; the renderer's shader computes them independently.
 pub trait Reflect: Copy {
-    /// D (1/sr): the facets' slope density with ∫ D cosα dω = 1; `cos` is cosα = N·h > 0.
+    /// D (1/sr), the density of the facets' slopes, where ∫ D cosα dω = 1. `cos` is cosα = N·h > 0.
     fn density(self, cos: f64, m: f64) -> f64;
 
-    /// f_s/ρs times N·l (1/sr) for unit vectors: the product stays finite where N·l → 0. Zero where N·l ≤ 0.
+    /// f_s/ρs times N·l (1/sr) for unit vectors. The product stays finite as N·l → 0, and is 0 where N·l ≤ 0.
     fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64;
 
-    /// The same, without G where it is not `bounded`: Wang et al. 2005, Eq. 7, as leaves are fitted.
+    /// The same, but without G where `bounded` is false: Wang et al. 2005, Eq. 7, with which leaves are fitted.
     fn with_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64, bounded: bool) -> f64;
 
-    /// a(N·v, m) = ∫ f_s/ρs (N·l) dω_l to about 1e-8, over the half-vector.
+    /// a(N·v, m) = ∫ f_s/ρs (N·l) dω_l to about 1e-8, by an integral over the half vector.
     ///
-    /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where,
-    /// in the plane of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the
-    /// horizon: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which
-    /// α = a + (b−a) u²(3−2u) takes away.
+    /// With dω_l = 4 (v·h) dω_h it becomes ∫ D cosα dω_h · G F (v·h)/(cosα N·v). Consider the plane of incidence with
+    /// the view at θ, so that l is at 2α−θ or −(2α+θ). The integrand over α has kinks only where G changes its branch
+    /// or l reaches the horizon there: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between the kinks it is smooth except for
+    /// powers 3/2 at the ends, which the substitution α = a + (b−a) u²(3−2u) removes.
     fn directional_albedo(self, cos_view: f64, m: f64) -> f64;
 }
 
@@ -70,7 +71,7 @@ impl Reflect for Lobe {
         let m = m.max(M_FLOOR);
         let theta = mu.acos();
         let quarter = 0.5 * PI;
-        // the last slopes only keep pieces short where D varies
+        // The last slopes only keep the pieces short where D varies.
         let mut cuts =
             [theta, quarter - theta, 0.5 * (quarter - theta), 0.5 * (quarter + theta), (quarter - theta) / 3.0]
                 .into_iter()
@@ -99,11 +100,11 @@ impl Reflect for Lobe {
     }
 }
 
-/// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. With x = v·h = centre + reach·cosφ each branch of G
+/// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. Let x = v·h = centre + reach·cosφ. Each branch of G
 /// (v·h)/(cosα N·v) is a + b·x, so only Fresnel's factor needs nodes.
 fn over_azimuth(lobe: Lobe, mu: f64, c: f64) -> f64 {
     let (centre, reach) = (c * mu, (1.0 - c * c).max(0.0).sqrt() * (1.0 - mu * mu).max(0.0).sqrt());
-    // the facet fully seen and lit; hidden from the view; hidden from the light
+    // The branches: the facet is fully seen and lit, hidden from the view, or hidden from the light.
     let branches = [(0.0, 1.0 / (mu * c)), (2.0, 0.0), (-2.0, 4.0 * c / mu)];
     let least = |x: f64| {
         let value = |(a, b): (f64, f64)| a + b * x;
@@ -117,7 +118,7 @@ fn over_azimuth(lobe: Lobe, mu: f64, c: f64) -> f64 {
         return if centre > lowest { (a + b * centre) * lobe.fresnel(centre) } else { 0.0 };
     }
     let azimuth = |x: f64| ((x - centre) / reach).clamp(-1.0, 1.0).acos();
-    // x falls with φ: the azimuths where l is above the horizon run from 0 to `last`
+    // x decreases with φ, so l is above the horizon for azimuths from 0 to `last`.
     let last = azimuth(lowest);
     let lit_from = if 4.0 * c * c > 1.0 { 2.0 * c * mu / (4.0 * c * c - 1.0) } else { f64::INFINITY };
     let mut cuts = [last, azimuth(mu / c).min(last), azimuth(2.0 * c * mu).min(last), azimuth(lit_from).min(last)];
@@ -161,7 +162,7 @@ mod tests {
         }
     }
 
-    /// The brute force: cosine-weighted directions over the hemisphere, f_s as the renderer evaluates it.
+    /// By brute force: cosine-weighted directions over the hemisphere, with f_s as the renderer evaluates it.
     #[test]
     fn albedo_agrees_with_monte_carlo_over_the_hemisphere() {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
@@ -173,7 +174,7 @@ mod tests {
                 for _ in 0..n {
                     let (r, phi) = (rng.random::<f64>().sqrt(), 2.0 * PI * rng.random::<f64>());
                     let l = DVec3::new(r * phi.cos(), r * phi.sin(), (1.0 - r * r).sqrt());
-                    // density cosθ/π
+                    // The density is cosθ/π.
                     let x = if l.z > 0.0 { lobe.times_cosine(DVec3::Z, v, l, m) * PI / l.z } else { 0.0 };
                     sum += x;
                     square += x * x;
@@ -191,7 +192,7 @@ mod tests {
         }
     }
 
-    /// The same integral over directions instead of half-vectors, by nested quadrature: no sampling noise.
+    /// The same integral over directions instead of half vectors, by nested quadrature, has no sampling noise.
     #[test]
     fn albedo_agrees_with_quadrature_over_directions() {
         for lobe in Lobe::all(1.45) {

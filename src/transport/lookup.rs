@@ -1,7 +1,7 @@
-//! Bilinear look-up in a map: texel centres at (i + ½)/W, clamped at the edges; u to the right, v downwards, row 0 on
-//! top.
+//! Bilinear look-up in a map. Texel centres are at (i + ½)/W, clamped at the edges. u is to the right, v downwards, and
+//! row 0 on top.
 
-/// Four texels and their weights (which sum to 1).
+/// Four texels and their weights, which sum to 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Taps {
     at: [usize; 4],
@@ -9,8 +9,8 @@ pub struct Taps {
 }
 
 impl Taps {
-    /// The texels around (u, v) of a `width`×`height` map; `mirrored` looks up column `width−1−i` instead of i, as the
-    /// back's maps need.
+    /// The texels around (u, v) of a `width`×`height` map. With `mirrored`, column `width−1−i` is read instead of i, as
+    /// the back's maps need it.
     pub fn new(u: f64, v: f64, width: usize, height: usize, mirrored: bool) -> Taps {
         let (i, j, fx) = axis(u, width);
         let (row, below, fy) = axis(v, height);
@@ -21,7 +21,7 @@ impl Taps {
         }
     }
 
-    /// One channel.
+    /// The interpolated value of one channel.
     pub fn scalar(&self, map: &[f32]) -> f64 {
         let mut sum = 0.0;
         for k in 0..4 {
@@ -30,12 +30,12 @@ impl Taps {
         sum
     }
 
-    /// Three channels.
+    /// The interpolated values of three channels.
     pub fn colour(&self, maps: &[Vec<f32>; 3]) -> [f64; 3] {
         [self.scalar(&maps[0]), self.scalar(&maps[1]), self.scalar(&maps[2])]
     }
 
-    /// A map of vectors, not normalised.
+    /// The interpolated vector of a map of vectors, not normalised.
     pub fn vector(&self, map: &[[f32; 3]]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for k in 0..4 {
@@ -46,20 +46,20 @@ impl Taps {
         sum
     }
 
-    /// Share of the four texels that are on, by weight.
+    /// The total weight of those of the four texels that are on.
     pub fn coverage(&self, mask: &[u8]) -> f64 {
         (0..4).filter(|&k| mask[self.at[k]] != 0).map(|k| self.weight[k]).sum()
     }
 }
 
-/// The two texels along one axis and how far the point lies from the first to the second.
+/// The two texels along one axis, and the place of the point between them.
 fn axis(u: f64, size: usize) -> (usize, usize, f64) {
     let x = (u * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
     let i = (x as usize).min(size - 1);
     (i, (i + 1).min(size - 1), x - i as f64)
 }
 
-/// The texels that points from `low` to `high` look up along one axis.
+/// The texels that points from `low` to `high` read along one axis.
 pub fn texels(low: f64, high: f64, size: usize) -> std::ops::RangeInclusive<usize> {
     axis(low, size).0..=axis(high, size).1
 }
@@ -68,7 +68,7 @@ pub fn texels(low: f64, high: f64, size: usize) -> std::ops::RangeInclusive<usiz
 mod tests {
     use super::*;
 
-    /// Every texel that counts at a point between lies in the range, and the range goes no further than one beyond.
+    /// Every texel that counts at a point between the two lies in the range, and the range is at most one texel larger.
     #[test]
     fn texels_between_two_places() {
         for (low, high) in [(0.0, 1.0), (0.3, 0.31), (0.124, 0.126), (-2.0, 0.1), (0.9, 3.0)] {
@@ -89,7 +89,7 @@ mod tests {
             let u = (i as f64 + 0.5) / 4.0;
             assert!((look(u, 0.25) - i as f64).abs() < 1e-12);
             assert!((look(u, 0.5) - (i as f64 + 5.0)).abs() < 1e-12);
-            // the back is the mirror image
+            // The back is the mirror image.
             let mirrored = Taps::new(u, 0.25, 4, 2, true).scalar(&map);
             assert!((mirrored - (3 - i) as f64).abs() < 1e-12);
             assert!((Taps::new(1.0 - u, 0.25, 4, 2, false).scalar(&map) - mirrored).abs() < 1e-12);

@@ -1,10 +1,10 @@
-//! Leaves and worlds that tests are made of.
+//! Leaves and worlds for tests.
 
 use crate::lobe::Lobe;
 use crate::world::{Gloss, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
 use glam::{DMat4, DVec2, DVec3};
 
-/// A level square of this half width at height 0, its front up.
+/// A level square of this half width at height 0, with its front up.
 pub fn square(reach: f64) -> ReferenceMesh {
     let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
     ReferenceMesh {
@@ -17,7 +17,7 @@ pub fn square(reach: f64) -> ReferenceMesh {
     }
 }
 
-/// A side that is the same everywhere; gloss by its ρs and m.
+/// A side that is the same everywhere. Gloss is given by its ρs and m.
 pub fn side(rho_d: f64, rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceSide {
     let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
     ReferenceSide {
@@ -27,7 +27,7 @@ pub fn side(rho_d: f64, rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceSide 
     }
 }
 
-/// A leaf that is the same everywhere: ρd of its two sides.
+/// A leaf that is the same everywhere, with ρd of its two sides.
 pub fn leaf(mesh: ReferenceMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
     ReferenceLeaf {
         mesh,
@@ -40,7 +40,7 @@ pub fn leaf(mesh: ReferenceMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64
     }
 }
 
-/// Squares of half width `reach`, each at a height and with the ρd of its two sides and its ρt.
+/// Squares of half width `reach`, each with its height, the ρd of its two sides, and its ρt.
 pub fn plates(reach: f64, of: &[(f64, [f64; 2], f64)]) -> World {
     World {
         leaves: of.iter().map(|(_, rho_d, rho_t)| leaf(square(reach), *rho_d, *rho_t, None)).collect(),

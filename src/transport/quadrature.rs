@@ -1,4 +1,4 @@
-//! Gauss–Legendre nodes and an adaptive rule on top of them; errors are absolute.
+//! Gauss–Legendre nodes, and an adaptive rule that uses them. Errors are absolute.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 /// Nodes and weights on [−1, 1].
 #[derive(Debug, Clone)]
 pub struct Rule {
-    /// Where the function is evaluated.
+    /// The places where the function is evaluated.
     pub nodes: Vec<f64>,
     /// The weight of each node; they sum to 2.
     pub weights: Vec<f64>,
@@ -51,8 +51,8 @@ pub(crate) fn sixteen() -> &'static Rule {
     RULE.get_or_init(|| Rule::legendre(16))
 }
 
-/// ∫ f over [a, b] by halving intervals until one and two 16-point rules agree to `tolerance` (absolute, shared out by
-/// length).
+/// ∫ f over [a, b]. Intervals are halved until one and two 16-point rules agree to `tolerance`, which is absolute and
+/// divided by length.
 pub fn adaptive(a: f64, b: f64, tolerance: f64, f: &mut impl FnMut(f64) -> f64) -> f64 {
     let whole = sixteen().integrate(a, b, &mut *f);
     halve(a, b, whole, tolerance, 40, f)

@@ -1,9 +1,9 @@
-//! Pictures from a world: stratified rays through each pixel's square (a box filter, as multisampling averages), the
-//! sun's disk sampled for every one of them, HDR averaged first and tone-mapped then.
+//! Pictures of a world. Stratified rays go through each pixel's square (a box filter, like multisampling), and each of
+//! them samples the sun's disk. Radiance is averaged before the tone map.
 //!
-//! Sample points are Owen-scrambled Sobol points (Burley 2020). The samples of a pixel fall into two independent sets,
-//! whose difference is the printed noise (one degree of freedom: honest on average, not a pixel); which sets a pixel
-//! uses hangs on the seed and its place alone, so threads change nothing.
+//! Sample points are Owen-scrambled Sobol points (Burley 2020). The samples of a pixel form two independent sets, and
+//! their difference is the printed noise. It has one degree of freedom, so it is right on average and not for a single
+//! pixel. The sets of a pixel depend only on the seed and on its place, so the number of threads changes nothing.
 
 use super::accelerate::Ray;
 use super::dome::{BELOW, DISK};
@@ -18,18 +18,20 @@ use rayon::prelude::*;
 use sobol_burley::sample_4d;
 use std::f64::consts::PI;
 
-/// How finely to sample.
+/// The density of the samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Rays a pixel, 1 to 65,536; rounded up to an even number from 2 on; powers of two are stratified best.
+    /// Rays for each pixel, 1 to 65,536. Numbers above 1 are rounded up to even ones; powers of two are stratified
+    /// best.
     pub samples_per_pixel: u32,
-    /// Points of the sun's disk a ray; times `samples_per_pixel` at most 65,536.
+    /// Points of the sun's disk for each ray. The product with `samples_per_pixel` is at most 65,536.
     pub sun_samples: u32,
-    /// Directions in which a glossy side looks at a dome, a ray; the same limit.
+    /// Directions in which a glossy side samples a dome, for each ray, with the same limit.
     pub sky_samples: u32,
     /// Seed of the random numbers.
     pub seed: u64,
-    /// A pixel counts as interior (or free of penumbra) when everything within this many pixels agrees.
+    /// Width of the margin: a pixel counts as interior, or as free of penumbra, when all pixels within this distance
+    /// agree.
     pub margin: usize,
 }
 
@@ -39,28 +41,28 @@ impl Default for Options {
     }
 }
 
-/// A picture and what is known about its error; row-major, row 0 on top.
+/// A picture and what is known about its error, row by row, with row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePicture {
-    /// Pixels a row.
+    /// Number of pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Radiance before exposure, and the share of the pixel that shows a leaf.
     pub hdr: Vec<[f32; 4]>,
     /// The picture, sRGB, alpha 255.
     pub ldr: Vec<[u8; 4]>,
-    /// Standard error of the picture's worst channel, in display units (1 = white); 0 where there is one sample a
-    /// pixel.
+    /// Standard error of the picture's worst channel, in display units (1 is white); 0 where there is one sample for
+    /// each pixel.
     pub noise: Vec<f32>,
-    /// All rays of the pixel and of its neighbours met one side of one instance, or all met nothing.
+    /// Whether all rays of the pixel and of its neighbours met the same side of the same instance, or all met nothing.
     pub interior: Vec<bool>,
-    /// The sun is partly hidden here or nearby, or lights now one side of the blade, now the other.
+    /// Whether the sun is partly hidden here or nearby, or lights different sides of the blade.
     pub penumbra: Vec<bool>,
 }
 
 impl ReferencePicture {
-    /// Replaces the light by another picture's radiance, which saw the same shapes: that of the path tracer, with light
+    /// Replaces the light by the radiance of another picture of the same shapes: that of the path tracer, with light
     /// between leaves.
     pub fn relit(&mut self, radiance: &[[f32; 3]], exposure: f64) {
         for ((hdr, ldr), new) in self.hdr.iter_mut().zip(&mut self.ldr).zip(radiance) {
@@ -71,7 +73,7 @@ impl ReferencePicture {
     }
 }
 
-/// A world with its trees and tables built, for any number of pictures.
+/// A world with its trees and tables, ready for any number of pictures.
 pub struct Renderer<'a> {
     direct: Direct<'a>,
 }
@@ -95,12 +97,12 @@ impl<'a> Renderer<'a> {
         Ok(Renderer { direct: Direct::new(world) })
     }
 
-    /// What is drawn.
+    /// The world that is drawn.
     pub(super) fn world(&self) -> &World {
         self.direct.stage.world
     }
 
-    /// What comes back along one ray, without sun and dome.
+    /// The radiance along one ray, without sun and dome.
     pub(super) fn look(&self, ray: &Ray) -> [f64; 3] {
         self.direct.see(ray, &[], &[]).radiance
     }
@@ -208,7 +210,7 @@ impl<'a> Renderer<'a> {
         Pixel { mean, error, coverage, surface: surface.unwrap_or(0), light }
     }
 
-    /// The share of the sun's disk that `point` (off any surface) sees, from `samples` stratified points; `None`
+    /// The share of the sun's disk that `point` (not on a surface) sees, from `samples` stratified points; `None`
     /// without a sun.
     pub fn sun_visibility(&self, point: DVec3, samples: u32, seed: u64) -> Option<f64> {
         let sun = self.direct.stage.world.sun.as_ref()?;
@@ -218,7 +220,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// What the rays of one pixel gave.
+/// The result of the rays of one pixel.
 struct Pixel {
     mean: [f64; 3],
     error: [f64; 3],
@@ -227,13 +229,13 @@ struct Pixel {
     light: u8,
 }
 
-/// The surface of a pixel whose rays met different ones.
+/// The surface number of a pixel whose rays met different surfaces.
 const MIXED: u32 = u32::MAX;
 
-/// Ready-made sample sets: drawing them for every ray anew costs a fifth of the picture's time.
+/// Sample sets that are made once. Drawing them again for every ray would take a fifth of the picture's time.
 struct Patterns {
     seed: u64,
-    /// Sets a pixel.
+    /// Number of sets for each pixel.
     sets: usize,
     rays_per_set: usize,
     sun_samples: usize,
@@ -244,18 +246,19 @@ struct Patterns {
 struct Pattern {
     /// Points of the pixel's square.
     pixel: Vec<[f64; 2]>,
-    /// Points of the sun's disk, `sun_samples` a ray.
+    /// Points of the sun's disk, `sun_samples` for each ray.
     disk: Vec<DiskPoint>,
-    /// Points of the unit square for half vectors, equally many a ray; none without a dome.
+    /// Points of the unit square for half vectors, the same number for each ray; none without a dome.
     lobe: Vec<[f64; 2]>,
 }
 
 impl Patterns {
     fn new(options: &Options, dome: bool) -> Patterns {
         let rays = options.samples_per_pixel as usize;
-        // two sets tell an error with one degree of freedom a pixel, and stratify twice as well as four would
+        // Two sets give an error with one degree of freedom for each pixel, and are stratified twice as well as four
+        // would be.
         let sets = if rays < 2 { 1 } else { 2 };
-        // as many patterns as keep the table small
+        // The number of patterns is limited to keep the table small.
         let count = (1 << 20) / (rays * (1 + options.sun_samples as usize)).max(1);
         let rays_per_set = rays.div_ceil(sets);
         let patterns = (0..count.clamp(16, 1024) as u64)
@@ -275,7 +278,7 @@ impl Patterns {
         Patterns { seed: options.seed, sets, rays_per_set, sun_samples: options.sun_samples as usize, patterns }
     }
 
-    /// The pattern of a pixel's set: different ones for the sets of one pixel.
+    /// The pattern for a set of a pixel. The sets of one pixel have different patterns.
     fn choose(&self, pixel: usize, set: usize) -> &Pattern {
         let half = self.patterns.len() / 2;
         &self.patterns[set * half + scramble(!self.seed, (2 * pixel + set) as u64) as usize % half]
@@ -289,11 +292,11 @@ fn disk_point(index: u32, seed: u32) -> DiskPoint {
     [r * phi.cos(), r * phi.sin()]
 }
 
-/// The camera as a map from picture to rays.
+/// The camera, as a map from the picture to rays.
 #[derive(Debug, Clone, Copy)]
 pub struct Lens {
     eye: DVec3,
-    /// Direction at the top left corner, and the steps a pixel to the right and down.
+    /// Direction at the top left corner, and the steps for one pixel to the right and down.
     corner: DVec3,
     right: DVec3,
     down: DVec3,
@@ -303,7 +306,7 @@ impl Lens {
     /// The rays of a camera through the pixels of a picture.
     ///
     /// # Errors
-    /// A camera that looks nowhere, or along its own up direction.
+    /// [`Error::Usage`] for a camera that looks nowhere, or along its own up direction.
     pub fn new(camera: &Camera, width: usize, height: usize) -> Result<Lens> {
         let forward = (camera.target - camera.eye).normalize_or_zero();
         let right = forward.cross(camera.up).normalize_or_zero();
@@ -324,7 +327,7 @@ impl Lens {
         })
     }
 
-    /// The ray through (x, y) in pixels, (0, 0) being the top left corner; of unit direction.
+    /// The ray through (x, y) in pixels, where (0, 0) is the top left corner. Its direction is a unit vector.
     pub fn ray(&self, x: f64, y: f64) -> Ray {
         Ray::new(self.eye, (self.corner + self.right * x + self.down * y).normalize())
     }

@@ -1,8 +1,8 @@
-//! What a scanner sees: every pixel's centre along the camera's parallel rays, under the tube's own light.
+//! The picture of a scanner: every pixel's centre along the camera's parallel rays, under the light of the tube.
 //!
-//! The tube is a cylinder of uniform radiance; a texel sees it under the angles θ ± asin(radius/distance) across and
-//! between the angles of its ends along. Radiance is a plain sum over both angles, many midpoints each: no formula of
-//! `optics::tube` is used, which is what makes it a check of them.
+//! The tube is a cylinder of uniform radiance. A texel sees it under the angles θ ± asin(radius/distance) across, and
+//! between the angles of its ends along it. Radiance is a plain sum over both angles, with many midpoints each. No
+//! formula of `optics::tube` is used, so this is a check of them.
 
 use super::accelerate::Ray;
 use super::render::Renderer;
@@ -11,7 +11,7 @@ use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Midpoints along the tube and across it.
+/// Numbers of midpoints along the tube and across it.
 const ALONG: usize = 200;
 const ACROSS: usize = 5;
 
@@ -40,14 +40,15 @@ impl Scanner {
                 sum[1] += c * b;
             }
         }
-        // A cylinder's brightness: the angle it fills over the angle that its axis' distance says.
+        // The brightness of a cylinder: the angle that it fills, over the angle that follows from the distance of its
+        // axis.
         let spread = if beta > 0.0 { beta / self.radius_mm } else { 1.0 / distance };
         sum.map(|v| v * step / across as f64 * 2.0 * spread * self.height_mm)
     }
 }
 
 impl Renderer<'_> {
-    /// Radiance at the centres of the pixels of a `width` × `height` picture that are asked for; NaN elsewhere.
+    /// Radiance at the centres of the wanted pixels of a `width` × `height` picture; NaN elsewhere.
     ///
     /// # Errors
     /// [`Error::Usage`] for a world without a scanner.

@@ -1,4 +1,5 @@
-//! Numbers that seeds are made of: well mixed, and the same on every machine and with any number of threads.
+//! Functions that make seeds: their results are well mixed, and the same on every machine and for any number of
+//! threads.
 
 /// A well-mixed number (SplitMix64's finaliser, Steele et al. 2014).
 pub(crate) fn mix(seed: u64, index: u64) -> u64 {

@@ -1,5 +1,4 @@
-//! The radiance that leaves a leaf towards the viewer: W Eq. 1 under direct light, as `mesophyll_viewer::scene` states
-//! it.
+//! The radiance that a leaf sends to the viewer: W Eq. 1 under direct light, as `mesophyll_viewer::scene` describes it.
 //!
 //! ```text
 //! sun on the viewed side:  E · V · max(0, N·l) · (ρd/π + f_s)      sun on the far side:  E · V · max(0, F·l) · ρt_far/π
@@ -17,25 +16,25 @@ use super::world::{ReferenceLeaf, ReferenceSun, World};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// A world ready to be seen under direct light.
+/// A world that is ready to be drawn under direct light.
 pub(super) struct Direct<'a> {
     pub stage: Stage<'a>,
-    /// a(N·v, m), a leaf each; only under a sky and for glossy leaves.
+    /// a(N·v, m) for each leaf; only under a sky and for glossy leaves.
     albedo: Vec<Option<AlbedoTable>>,
-    /// Under a dome.
+    /// The irradiance of the dome, if there is one.
     irradiance: Option<IrradianceMap>,
 }
 
-/// Points on the sun's disk, as offsets in units of its radius.
+/// A point on the sun's disk, as an offset in units of its radius.
 pub(super) type DiskPoint = [f64; 2];
 
-/// What one ray saw.
+/// The result of one ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     pub radiance: [f64; 3],
-    /// 0 where nothing was hit (see [`dome`] for the parts of a sky), else 1 + 2·instance + (1 for the back).
+    /// 0 where nothing was hit (see [`dome`] for the parts of a sky), else 1 + 2·instance, plus 1 for the back.
     pub surface: u32,
-    /// Which kinds of sun sample there were: [`HIDDEN`], [`VIEWED_SIDE`], [`FAR_SIDE`].
+    /// The kinds of sun samples that occurred: [`HIDDEN`], [`VIEWED_SIDE`], [`FAR_SIDE`].
     pub light: u8,
 }
 
@@ -50,8 +49,8 @@ impl<'a> Direct<'a> {
         Direct { stage: Stage::new(world), albedo, irradiance: world.dome.as_ref().map(IrradianceMap::new) }
     }
 
-    /// What comes back along `ray` (unit direction); the sun is sampled at the given points of its disk, a
-    /// glossy side's view of a dome at those of the unit square.
+    /// The radiance along `ray` (unit direction). The sun is sampled at the given points of its disk, and a dome's
+    /// reflection in a glossy side at those of the unit square.
     pub fn see(&self, ray: &Ray, sun_points: &[DiskPoint], lobe_points: &[[f64; 2]]) -> Seen {
         let world = self.stage.world;
         match self.stage.nearest(ray) {
@@ -66,7 +65,7 @@ impl<'a> Direct<'a> {
         }
     }
 
-    /// Whether a point off any surface sees this point of the sun's disk.
+    /// Whether a point that is not on a surface sees this point of the sun's disk.
     pub(crate) fn sees_sun(&self, sun: &ReferenceSun, point: DVec3, offset: DiskPoint) -> bool {
         !self.stage.blocked(&Ray::new(point, Disk::new(sun).toward(offset)))
     }
@@ -85,7 +84,8 @@ impl<'a> Direct<'a> {
             let f = surface.far_normal();
             let through = self.stage.sunlit(&surface);
             let disk = Disk::new(sun);
-            // sums over the disk of: cosine on the viewed side, f_s/ρs with its cosine, cosine on the far side
+            // Sums over the disk of the cosine on the viewed side, of f_s/ρs with its cosine, and of the cosine on the
+            // far side.
             let (mut lambert, mut shine, mut behind) = (0.0, 0.0, 0.0);
             for &offset in sun_points {
                 let l = disk.toward(offset);
@@ -100,8 +100,8 @@ impl<'a> Direct<'a> {
                     }
                 } else {
                     light |= FAR_SIDE;
-                    // Points of the disk count by their cosine; a map holds the cosine's stand-in for the centre, their
-                    // mean direction.
+                    // Points of the disk count by their cosine. A map has the value that replaces the cosine for the
+                    // centre, which is their mean direction.
                     behind += if through.is_some() { 1.0 } else { f.dot(l).max(0.0) };
                 }
             }
@@ -159,9 +159,9 @@ impl<'a> Direct<'a> {
     }
 }
 
-/// The sun's disk in the plane one unit away that faces it, uniform there: its mean direction is the centre's, so that
-/// a surface which sees all of it receives exactly E·(N·l). (A sphere of uniform radiance differs by the radius
-/// squared: 2e-5.)
+/// The sun's disk in the plane one unit away that faces it, uniform in this plane. Its mean direction is that of the
+/// centre, so a surface that sees all of it receives exactly E·(N·l). (A sphere of uniform radiance differs by the
+/// radius squared: 2e-5.)
 struct Disk {
     centre: DVec3,
     across: [DVec3; 2],
@@ -175,8 +175,8 @@ impl Disk {
         Disk { centre, across: [a * reach, b * reach] }
     }
 
-    /// Towards a point of the disk; its length is 1/cos of the angle to the centre, the weight that the plane's uniform
-    /// measure needs.
+    /// The vector to a point of the disk. Its length is 1/cos of the angle to the centre, which is the weight that the
+    /// uniform measure of the plane needs.
     fn toward(&self, offset: DiskPoint) -> DVec3 {
         self.centre + self.across[0] * offset[0] + self.across[1] * offset[1]
     }

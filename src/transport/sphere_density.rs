@@ -1,47 +1,48 @@
-//! A density over directions, as a table over zenith and azimuth: what light from a sky or an environment map is
-//! sampled by.
+//! A density over directions, as a table over zenith and azimuth. Light from a sky or an environment map is sampled by
+//! it.
 //!
-//! The table holds values at the centres of W × H texels: row 0 is at the zenith, column 0 towards +x, azimuth turns
-//! towards +y. Between centres the density is bilinear, times the mean sine of the zenith angle of the row between
-//! them; it wraps around in azimuth and is constant beyond the outermost rows. It is drawn from exactly: a cell by its
-//! share, a point of the cell by its bilinear function (Pharr, Jakob & Humphreys 2023, §2.4.2 and §A.4).
+//! The table has values at the centres of W × H texels. Row 0 is at the zenith, column 0 is towards +x, and azimuth
+//! turns towards +y. A cell lies between the centres of four texels. There the density is bilinear, times the mean sine
+//! of the zenith angle in the cell's row. It wraps around in azimuth and is constant beyond the outermost rows.
+//! Sampling is exact: a cell is drawn by its share, and a point in the cell by the bilinear function (Pharr, Jakob &
+//! Humphreys 2023, §2.4.2 and §A.4).
 
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// A table over directions that can be drawn from.
+/// A table over directions that can be sampled.
 #[derive(Debug, Clone)]
 pub struct SphereDensity {
     columns: usize,
     rows: usize,
-    /// At texel centres, row by row.
+    /// Values at texel centres, row by row.
     values: Vec<f32>,
-    /// Mean sine of the zenith angle in each row of cells; there is one row of cells more than of texels.
+    /// Mean sine of the zenith angle in each row of cells. There is one more row of cells than of texels.
     sine: Vec<f64>,
-    /// Shares of the rows of cells, summed up, from 0 to 1.
+    /// Cumulative shares of the rows of cells, from 0 to 1.
     row_sums: Vec<f64>,
-    /// Within each row of cells, from 0 to 1.
+    /// Cumulative shares within each row of cells, from 0 to 1.
     column_sums: Vec<f64>,
     /// Integral of the bilinear function, times the sines, over the unit square.
     total: f64,
 }
 
-/// Where a direction lies in a map of W columns and H rows: the cell, and how far into it.
+/// The cell of a map of W columns and H rows that contains a direction, and the place in it.
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
-    /// The column of texels left of the point, and the one right of it.
+    /// The columns of texels left and right of the point.
     pub columns: [usize; 2],
-    /// The row of texels above the point, and the one below it.
+    /// The rows of texels above and below the point.
     pub rows: [usize; 2],
-    /// How far from the first to the second, from 0 to 1, to the right and down.
+    /// The place of the point in the cell, from 0 to 1, to the right and down.
     pub at: [f64; 2],
 }
 
 impl Cell {
-    /// The cell around a unit direction.
+    /// The cell that contains a unit direction.
     pub fn of(d: DVec3, columns: usize, rows: usize) -> Cell {
         let x = (d.y.atan2(d.x) / TAU).rem_euclid(1.0) * columns as f64 - 0.5;
-        // More exact near the zenith than the arc cosine.
+        // This is more accurate near the zenith than the arc cosine.
         let zenith = d.truncate().length().atan2(d.z);
         let y = zenith / PI * rows as f64 - 0.5;
         let (i, j) = (x.floor(), y.floor());
@@ -50,7 +51,7 @@ impl Cell {
         Cell { columns: [wrap(i), wrap(i + 1.0)], rows: [clamp(j), clamp(j + 1.0)], at: [x - i, y - j] }
     }
 
-    /// Bilinear interpolation of what `texel(column, row)` says.
+    /// Bilinear interpolation of the values of `texel(column, row)`.
     pub fn mix(&self, texel: impl Fn(usize, usize) -> f64) -> f64 {
         let [x, y] = self.at;
         let along = |row: usize| texel(self.columns[0], row) * (1.0 - x) + texel(self.columns[1], row) * x;
@@ -59,7 +60,8 @@ impl Cell {
 }
 
 impl SphereDensity {
-    /// The density in proportion to `values` (finite, ≥ 0; `columns · rows` of them); `None` where all are zero.
+    /// The density that is proportional to `values` (finite, at least 0; `columns · rows` of them); `None` where all
+    /// are zero.
     pub fn new(columns: usize, rows: usize, values: Vec<f32>) -> Option<SphereDensity> {
         let edge = |r: usize| ((r as f64 - 0.5) / rows as f64).clamp(0.0, 1.0);
         let mut sine = Vec::with_capacity(rows + 1);
@@ -95,7 +97,7 @@ impl SphereDensity {
         SphereDensity::new(self.columns, self.rows, self.values.iter().map(|v| v.max(least)).collect())
     }
 
-    /// Bytes of a table of this size.
+    /// Number of bytes of a table with this size.
     pub fn bytes(columns: usize, rows: usize) -> u64 {
         (4 * columns * rows + 8 * (columns + 1) * (rows + 1)) as u64
     }
@@ -131,7 +133,7 @@ impl SphereDensity {
     }
 }
 
-/// The interval of rising sums that `u` falls into, and how far into it.
+/// The interval of ascending sums that contains `u`, and the place of `u` in it.
 fn pick(sums: &[f64], u: f64) -> (usize, f64) {
     let k = sums[1..].partition_point(|s| *s <= u).min(sums.len() - 2);
     let share = sums[k + 1] - sums[k];

@@ -1,5 +1,5 @@
-//! From radiance to the picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
-//! Pictures that are made to be looked at may have a film's curve instead of Reinhard's.
+//! From radiance to the picture: exposure · L, Reinhard's x/(1 + x) for each channel, sRGB encoding (IEC 61966-2-1), 8
+//! bits. Pictures for people to look at may have a film's curve instead of Reinhard's.
 
 /// How radiance is pressed into what a screen can show.
 #[derive(
@@ -26,7 +26,7 @@ pub enum Tone {
 }
 
 impl Tone {
-    /// Radiance → display value in [0, 1]; negative radiance is black, NaN too.
+    /// From radiance to a display value in [0, 1]. Negative radiance and NaN are black.
     pub fn display(self, radiance: f64, exposure: f64) -> f64 {
         match self {
             Tone::Reinhard => display(radiance, exposure),
@@ -35,7 +35,7 @@ impl Tone {
                 if x.is_nan() || x <= 0.0 {
                     return 0.0;
                 }
-                // Beyond this the curve is white.
+                // Beyond this value the curve is white.
                 let x = x.min(1e6);
                 encode((x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).min(1.0))
             }
@@ -48,7 +48,7 @@ fn encode(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Radiance → display value in [0, 1]; negative radiance is black, NaN too.
+/// From radiance to a display value in [0, 1]. Negative radiance and NaN are black.
 pub fn display(radiance: f64, exposure: f64) -> f64 {
     let x = exposure * radiance;
     if x.is_nan() || x <= 0.0 {
@@ -58,7 +58,7 @@ pub fn display(radiance: f64, exposure: f64) -> f64 {
     encode(mapped)
 }
 
-/// d(display)/d(radiance), for turning a standard error in radiance into one in the picture.
+/// d(display)/d(radiance), which converts a standard error of the radiance into one of the picture.
 pub(crate) fn display_slope(radiance: f64, exposure: f64) -> f64 {
     let x = (exposure * radiance).max(0.0);
     let mapped = x / (1.0 + x);
@@ -66,7 +66,7 @@ pub(crate) fn display_slope(radiance: f64, exposure: f64) -> f64 {
     encode * exposure / ((1.0 + x) * (1.0 + x))
 }
 
-/// Display value → 8 bits, rounded to nearest.
+/// From a display value to 8 bits, rounded to nearest.
 pub(crate) fn quantise(display: f64) -> u8 {
     (display.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
@@ -80,7 +80,7 @@ mod tests {
         assert_eq!(display(-1.0, 1.0), 0.0);
         assert_eq!(display(f64::NAN, 1.0), 0.0);
         assert!((display(f64::INFINITY, 1.0) - 1.0).abs() < 1e-15);
-        // x/(1+x) = .214 041 140 is sRGB mid-grey .5 (IEC 61966-2-1 inverted at .5)
+        // x/(1+x) = .214 041 140 is mid-grey .5 in sRGB (the inverse of IEC 61966-2-1 at .5).
         let linear = ((0.5f64 + 0.055) / 1.055).powf(2.4);
         assert!((display(linear / (1.0 - linear), 1.0) - 0.5).abs() < 1e-12);
         assert_eq!(quantise(0.5), 128);
@@ -91,8 +91,8 @@ mod tests {
         }
     }
 
-    /// From black to white without a step back; mid-grey stays a middle tone, and what Reinhard's curve holds back is
-    /// white.
+    /// The curve rises from black to white without a decrease. Mid-grey stays a middle tone, and values that Reinhard's
+    /// curve keeps below white are white.
     #[test]
     fn a_films_curve_rises_from_black_to_white() {
         let values: Vec<f64> = (0..2000).map(|k| Tone::Film.display(1.01f64.powi(k - 1000), 1.0)).collect();

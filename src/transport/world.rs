@@ -1,8 +1,8 @@
-//! What the reference renderer draws: leaves, where they stand, and the light on them, all in f64.
+//! The data that the reference renderer draws: leaves, their places, and the light on them, all in f64.
 //!
-//! Lengths in mm, world z up, directions are unit vectors, colours linear sRGB, radiance in units set by the light.
-//! Maps are row-major with row 0 on top, each side's as its own camera saw it: column i of the back is column
-//! `width−1−i` of the front.
+//! Lengths are in mm, world z is up, directions are unit vectors, colours are linear sRGB, and the light sets the unit
+//! of radiance. Maps are stored row by row with row 0 on top. Each side's maps are as its own camera saw them: column i
+//! of the back is column `width−1−i` of the front.
 
 use super::dome::Dome;
 use super::environment::Environment;
@@ -18,30 +18,31 @@ use std::sync::Arc;
 pub struct World {
     /// The leaves, each once.
     pub leaves: Vec<ReferenceLeaf>,
-    /// Leaves that the path tracer draws by the models of B1; one beyond the end, or `None`, by its sides.
+    /// Leaves that the path tracer draws by the models of B1. A leaf with `None`, or beyond the end of the list, is
+    /// drawn by its sides.
     pub foliar: Vec<Option<Arc<Foliar>>>,
-    /// Where leaves stand; one leaf may stand in many places.
+    /// The instances. One leaf may stand in many places.
     pub instances: Vec<Placement>,
-    /// How the sun comes through each instance; an instance beyond the end lets it through by the mapped normal's
-    /// cosine.
+    /// How sunlight passes through each instance. For an instance beyond the end of the list, the cosine of the mapped
+    /// normal decides.
     pub through: Vec<Through>,
     /// The sun, where there is one.
     pub sun: Option<ReferenceSun>,
     /// Radiance of a constant sky all around.
     pub sky: Option<[f64; 3]>,
-    /// A sky of any radiance instead, which also is the background.
+    /// A sky of any radiance, instead of a constant one. It is also the background.
     pub dome: Option<Dome>,
-    /// An environment map instead, which also is the background; the path tracer alone draws it.
+    /// An environment map, instead of a sky. It is also the background. Only the path tracer draws it.
     pub environment: Option<Arc<Environment>>,
-    /// Everything repeats with this period (mm) along x and y; the path tracer alone repeats it.
+    /// The period (mm) along x and y with which everything repeats.
     pub periodic: Option<[f64; 2]>,
-    /// Which instance is the ground.
+    /// Index of the instance that is the ground.
     pub ground: Option<usize>,
     /// A scanner instead of sun and sky.
     pub scanner: Option<Scanner>,
     /// Radiance where nothing is hit.
     pub background: [f64; 3],
-    /// What radiance is multiplied with before tone mapping.
+    /// The factor that radiance is multiplied by before tone mapping.
     pub exposure: f64,
 }
 
@@ -66,7 +67,8 @@ impl Default for World {
 }
 
 impl World {
-    /// Radiance of the sky from a unit direction, without the sun: of a model, an environment map, or a constant one.
+    /// Radiance of the sky from a unit direction, without the sun: that of a dome, of an environment map, or of a
+    /// constant sky.
     pub fn sky_radiance(&self, d: DVec3) -> [f64; 3] {
         match (&self.dome, &self.environment) {
             (Some(dome), _) => (dome.radiance)(d),
@@ -76,35 +78,36 @@ impl World {
     }
 }
 
-/// A leaf that stands somewhere: rotation, translation and a uniform scale.
+/// A leaf at a place: rotation, translation and a uniform scale.
 #[derive(Debug, Clone, Copy)]
 pub struct Placement {
-    /// Which leaf of the world.
+    /// Index of the leaf in the world.
     pub leaf: usize,
-    /// From the leaf to the world.
+    /// The transform from the leaf's frame to the world.
     pub transform: DMat4,
 }
 
-/// What comes of the sun through one instance, where the sun stands now: for light that enters the front and the back.
+/// How sunlight passes through one instance for the sun's present direction.
 #[derive(Debug, Clone, Default)]
 pub struct Through {
-    /// Light that enters the front, then the back.
+    /// For light that enters the front, and for light that enters the back.
     pub entering: [Option<Sunlit>; 2],
 }
 
-/// Maps as of the leaf, in the columns of the lit side's camera; interpolated, then at least 0.
+/// Maps like those of the leaf, in the columns of the lit side's camera. Values are interpolated, and then limited to
+/// at least 0.
 #[derive(Debug, Clone)]
 pub enum Sunlit {
-    /// What multiplies ρt instead of max(0, F·l): exit radiance is E·V·f·ρt/π.
+    /// The factor f that replaces max(0, F·l): the exit radiance is E·V·f·ρt/π.
     Factor(Arc<Vec<f32>>),
-    /// A channel each, instead of both.
+    /// A map for each channel that replaces both the cosine and ρt.
     Colour(Arc<[Vec<f32>; 3]>),
 }
 
 /// The sun as a disk of uniform radiance.
 #[derive(Debug, Clone, Copy)]
 pub struct ReferenceSun {
-    /// Towards the centre of the disk (normalised here).
+    /// Vector towards the centre of the disk. It is normalised where it is used.
     pub direction: DVec3,
     /// Irradiance on a surface that faces the unhidden sun.
     pub irradiance: [f64; 3],
@@ -112,58 +115,58 @@ pub struct ReferenceSun {
     pub radius: f64,
 }
 
-/// A tube-shaped lamp over the plane z = 0 and an orthographic camera whose picture is rectified to that plane, as
-/// `data/README.md` states for captures. Nothing casts a shadow, and nothing comes through.
+/// A tube-shaped lamp over the plane z = 0, and an orthographic camera whose picture is rectified to that plane, as
+/// `data/README.md` describes it for captures. Nothing casts a shadow, and no light is transmitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scanner {
-    /// Towards the camera; a unit vector above the plane.
+    /// Unit vector towards the camera, above the plane.
     pub camera: DVec3,
     /// Size of a pixel on the plane (mm).
     pub pixel_mm: f64,
-    /// Height of the tube's axis, lit length (centred) and radius (0: thin).
+    /// Height of the tube's axis above the plane (mm).
     pub height_mm: f64,
-    /// Lit length, centred (mm).
+    /// Length of the tube's lit part (mm); its middle is at 0.
     pub length_mm: f64,
-    /// Radius of the tube (mm).
+    /// Radius of the tube (mm); 0 is a thin tube.
     pub radius_mm: f64,
-    /// The tube lies along x and moves along y, instead of the other way round.
+    /// Whether the tube lies along x and moves along y. If not, it lies along y and moves along x.
     pub along_x: bool,
-    /// Where it stands along its travel.
+    /// Place of the tube along its travel.
     pub at_mm: f64,
-    /// Gloss with the V-cavity factor, as scenes have it; else without, as leaves are fitted.
+    /// Whether gloss has the V-cavity factor, as in scenes. Without it, gloss is as leaves are fitted.
     pub bounded: bool,
 }
 
 /// A pinhole camera; row 0 of its picture is the top row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where the camera stands.
+    /// Place of the camera.
     pub eye: DVec3,
-    /// What it looks at.
+    /// The point that it looks at.
     pub target: DVec3,
-    /// Which way is up in the picture.
+    /// The direction that is up in the picture.
     pub up: DVec3,
     /// Full vertical field of view (degrees), above 0 and below 180.
     pub fov_y_deg: f64,
 }
 
-/// One leaf: a single sheet of triangles whose normals point out of the front, and how each side looks.
+/// One leaf: a single sheet of triangles whose normals point out of the front, and the look of each side.
 #[derive(Debug, Clone)]
 pub struct ReferenceLeaf {
     /// Its shape.
     pub mesh: ReferenceMesh,
-    /// Size of every map (texels).
+    /// Columns of every map (texels).
     pub width: usize,
     /// Rows of every map.
     pub height: usize,
-    /// How the front looks.
+    /// The look of the front.
     pub front: ReferenceSide,
-    /// How the back looks.
+    /// The look of the back.
     pub back: ReferenceSide,
-    /// Nonzero on the leaf, in the front's columns. A point is on the leaf where the bilinear value reaches ½; `None`:
-    /// everywhere.
+    /// Nonzero on the leaf, in the front's columns. A point is on the leaf where the bilinear value is at least ½. With
+    /// `None`, every point is on it.
     pub mask: Option<Vec<u8>>,
-    /// Which lobe the gloss of both sides has.
+    /// The lobe of the gloss on both sides.
     pub lobe: Lobe,
 }
 
@@ -172,47 +175,48 @@ pub struct ReferenceLeaf {
 pub struct ReferenceMesh {
     /// Vertices.
     pub positions: Vec<DVec3>,
-    /// Out of the front, a vertex each; interpolated and normalised.
+    /// Normals out of the front, one for each vertex. They are interpolated and then normalised.
     pub normals: Vec<DVec3>,
-    /// xyz along +u, w = ±1: bitangent = w · normal × tangent. Only read for [`NormalFrame::Tangent`]; may else be
-    /// empty.
+    /// xyz is the tangent along +u, and w = ±1: bitangent = w · normal × tangent. Only [`NormalFrame::Tangent`] needs
+    /// them; otherwise the list may be empty.
     pub tangents: Vec<DVec4>,
-    /// (0, 0) is the top left corner of the front's maps.
+    /// Texture coordinates; (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<DVec2>,
-    /// Three a triangle.
+    /// Indices of the vertices, three for each triangle.
     pub indices: Vec<u32>,
-    /// Every triangle stands for a disc: it is equilateral, and the disc is the circle inside it.
+    /// Whether every triangle represents a disc. The triangle is then equilateral, and the disc is its inscribed
+    /// circle.
     pub discs: bool,
 }
 
-/// How one side looks.
+/// The look of one side.
 #[derive(Debug, Clone)]
 pub struct ReferenceSide {
     /// Diffuse reflectance and transmittance.
     pub interior: Interior,
-    /// `None` is a matte side.
+    /// The gloss; `None` is a matte side.
     pub gloss: Option<Gloss>,
-    /// `None` is the mesh normal.
+    /// The mapped normals; `None` means the mesh's normal.
     pub normal: Option<NormalMap>,
 }
 
-/// ρd and ρt (a channel each) of a blade of the given thickness (mm), before γ.
+/// ρd and ρt for each channel of a blade of the given thickness (mm), before γ.
 pub type SlabAt = Arc<dyn Fn(f64) -> ([f64; 3], [f64; 3]) + Send + Sync>;
 
-/// Where a side's diffuse reflectance and transmittance come from; a channel's map is `width · height` long.
+/// The source of a side's diffuse reflectance and transmittance. A channel's map has `width · height` entries.
 #[derive(Clone)]
 pub enum Interior {
-    /// Final ρd (γ applied) and ρt a texel, interpolated themselves.
+    /// The final ρd (with γ) and ρt of each texel, which are interpolated themselves.
     Maps {
-        /// Diffuse reflectance, a map a channel.
+        /// Diffuse reflectance, with a map for each channel.
         rho_d: [Vec<f32>; 3],
-        /// Transmittance, a map a channel.
+        /// Transmittance, with a map for each channel.
         rho_t: [Vec<f32>; 3],
     },
-    /// γ and thickness (h + δ, mm) are interpolated, then ρd = γ·curve.ρd, ρt = curve.ρt. The curve is the caller's and
-    /// must be accurate.
+    /// γ and thickness (h + δ, mm) are interpolated. Then ρd = γ·curve.ρd and ρt = curve.ρt. The caller provides the
+    /// curve, which must be accurate.
     Scalars {
-        /// γ, a map a channel.
+        /// γ, with a map for each channel.
         gamma: [Vec<f32>; 3],
         /// Thickness h + δ (mm).
         thickness: Vec<f32>,
@@ -230,39 +234,40 @@ impl std::fmt::Debug for Interior {
     }
 }
 
-/// Surface reflection a texel: ρs a channel, slope m (0.001 at least; smaller is taken as 0.001).
+/// Surface reflection of each texel: ρs for each channel, and the slope m (smaller values than 0.001 are taken as
+/// 0.001).
 #[derive(Debug, Clone)]
 pub struct Gloss {
-    /// ρs, a map a channel.
+    /// ρs, with a map for each channel.
     pub rho_s: [Vec<f32>; 3],
     /// Slope m.
     pub m: Vec<f32>,
 }
 
-/// Mapped normals, x to the right in this side's image, y up, z out of this side.
+/// Mapped normals: x to the right in this side's image, y up, z out of this side.
 #[derive(Debug, Clone)]
 pub struct NormalMap {
-    /// What the normals are measured against.
+    /// The frame of the normals.
     pub frame: NormalFrame,
-    /// x, y and z, a texel each.
+    /// x, y and z of each texel.
     pub values: Vec<[f32; 3]>,
 }
 
-/// What a mapped normal is measured against.
+/// The frame in which a mapped normal is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NormalFrame {
-    /// The flat frame of the scan, which is also the mesh's own: world normal = rotation · (x, y, z) in front and
-    /// rotation · (−x, y, −z) on the back, because the blade was turned about its y axis between the two scans.
+    /// The flat frame of the scan, which is also the mesh's own. The world normal is rotation · (x, y, z) on the front,
+    /// and rotation · (−x, y, −z) on the back, because the blade was turned about its y axis between the two scans.
     Blade,
-    /// The mesh's interpolated normal and tangents: x·T + y·B + z·N in front, −x·T + y·B − z·N on the back.
+    /// The mesh's interpolated normal and tangents: x·T + y·B + z·N on the front, −x·T + y·B − z·N on the back.
     Tangent,
 }
 
-/// Most instances of a scene that repeats, those that reach over from its neighbours counted.
+/// The largest number of instances in a scene that repeats, including those that reach over from its neighbours.
 const MOST_COPIES: f64 = 1e7;
 
 impl World {
-    /// Whether everything is there and of one size; the sentence names the leaf and the field.
+    /// Checks that everything is there and has the right size. The error names the leaf and the field.
     pub fn validate(&self) -> Result<()> {
         let bad = |what: String| Err(Error::input(Path::new("reference scene"), what));
         for (k, leaf) in self.leaves.iter().enumerate() {

@@ -1,8 +1,8 @@
-//! Light as B1 follows it (§4): three rays from every hit of a leaf, with the weights of the table, until the luminance
-//! of what they carry falls below a threshold; direct light by the diffuse shares of the side.
+//! Light as B1 follows it (§4). Every hit of a leaf sends three rays, with the weights of the table, until the
+//! luminance that they carry falls below a threshold. Direct light uses the diffuse shares of the side.
 //!
-//! This is for comparison with the paper and with [`Tracer::look`], which draws one of the rays and leaves no light
-//! out. The number of rays grows with each hit; what is cut off is lost.
+//! This is for comparison with the paper and with [`Tracer::look`], which follows one of the rays at random and loses
+//! no light. Here the number of rays grows with each hit, and light below the threshold is lost.
 
 use super::scatter::Scatter;
 use super::{Samples, Strategy, Tracer};
@@ -12,12 +12,12 @@ use crate::stage::SideBy;
 use glam::DVec3;
 use mesophyll_optics::foliar::fsm;
 
-/// Hits after which a ray is given up, whatever it carries.
+/// The number of hits after which a ray ends, whatever it carries.
 const DEEPEST: usize = 64;
 
 impl Tracer<'_> {
-    /// Mean radiance along a line of sight from `times` trees of rays that end below the luminance `cut`, and the mean
-    /// number of rays of a tree by depth, the camera's first.
+    /// Mean radiance along a line of sight from `times` trees of rays, which end below the luminance `cut`. Also
+    /// returns the mean number of rays of a tree at each depth, the camera's ray first.
     pub fn branched(&self, eye: DVec3, direction: DVec3, cut: f64, times: u32, seed: u64) -> ([f64; 3], Vec<f64>) {
         let ray = Ray::new(eye, direction.normalize_or_zero());
         let (mut sum, mut rays) = ([0.0; 3], Vec::new());
@@ -38,7 +38,7 @@ struct Tree<'a, 'b> {
 }
 
 impl Tree<'_, '_> {
-    /// What comes back along `ray`. `sees`: whether lights that it meets were not looked for before.
+    /// The light that comes back along `ray`. `sees` tells whether lights that it hits were not sampled before.
     fn follow(&mut self, ray: Ray, carried: [f64; 3], depth: usize, sees: bool, samples: &mut Samples) -> [f64; 3] {
         let tracer = self.tracer;
         if self.rays.len() <= depth {

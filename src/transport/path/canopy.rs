@@ -1,14 +1,15 @@
-//! A canopy as remote sensing sees it: its bidirectional reflectance factor from above, and where the sun's light goes.
+//! A canopy as in remote sensing: its bidirectional reflectance factor from above, and what becomes of the sun's light.
 //!
 //! ```text
 //! BRF = π L / (E cos θs), L the mean radiance of the scene's rectangle at its top, E the sun's irradiance
 //! reflected + absorbed by what is not ground + (1 − albedo of the ground) · transmitted = 1
 //! ```
-//! Transmitted is what reaches the ground (or leaves below, where there is none), each time it does: light that the
-//! ground sends up and leaves send down again counts twice (RAMI4PILPS, Widlowski et al. 2011). All are per incident
-//! flux on the rectangle. Standard errors come from independent randomisations. Fluxes take the sun for a point and
-//! follow light through leaves by ρt alone, without maps of sunlight; mapped normals make them inexact, since light and
-//! sight are then not quite exchangeable (Veach 1997, §5.3).
+//! L is the mean radiance of the scene's rectangle at its top, and E is the sun's irradiance. "Transmitted" is all
+//! light that reaches the ground (or leaves at the bottom where there is no ground). Light that the ground sends up and
+//! leaves send down again counts twice (RAMI4PILPS, Widlowski et al. 2011). All shares are relative to the flux that
+//! falls on the rectangle. Standard errors come from independent randomisations. For fluxes the sun is a point, and
+//! light passes leaves by ρt alone, without maps of sunlight. With mapped normals they are not exact, because light and
+//! view cannot quite be exchanged then (Veach 1997, §5.3).
 
 use super::estimate::{Estimate, estimate};
 use super::samples::Samples;
@@ -23,13 +24,14 @@ use std::f64::consts::PI;
 /// Shares of the incident flux.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fluxes {
-    /// Leaves upwards.
+    /// Light that leaves the scene upwards.
     pub reflected: Estimate,
-    /// Absorbed by what is not ground.
+    /// Light that is absorbed by everything except the ground.
     pub absorbed: Estimate,
-    /// Reaches the ground.
+    /// Light that reaches the ground.
     pub transmitted: Estimate,
-    /// Their sum, the ground's share of the transmitted taken: 1, but for chance.
+    /// Their sum, where only the part of the transmitted light that the ground absorbs counts. It is 1, except for
+    /// noise.
     pub closure: Estimate,
 }
 
@@ -38,7 +40,7 @@ pub struct Canopy<'a> {
     tracer: Tracer<'a>,
     /// Half the period (mm).
     half: [f64; 2],
-    /// Where rays from above begin.
+    /// Height at which rays from above begin.
     top: f64,
     sun: DVec3,
     irradiance: [f64; 3],
@@ -47,8 +49,8 @@ pub struct Canopy<'a> {
 
 impl<'a> Canopy<'a> {
     /// # Errors
-    /// A sentence on a world that is no canopy: that does not repeat, is empty, has no sun above the horizon, or has a
-    /// sky; or that [`World::validate`] refuses.
+    /// A sentence about a world that is no canopy: it does not repeat, is empty, has no sun above the horizon, or has a
+    /// sky; or [`World::validate`] refuses it.
     pub fn new(world: &'a World, seed: u64) -> Result<Canopy<'a>, String> {
         let bad = |what: &str| Err(what.to_string());
         let Some(size) = world.periodic else { return bad("the scene does not repeat; expected a [periodic]") };
@@ -78,7 +80,7 @@ impl<'a> Canopy<'a> {
         self.sun.y.atan2(self.sun.x)
     }
 
-    /// A ray from a random point of the rectangle at the top, in direction `d` (downwards).
+    /// A ray from a random point of the rectangle at the top, in the direction `d` (downwards).
     fn enter(&self, d: DVec3, [u, v]: [f64; 2]) -> Ray {
         let at = |u: f64, half: f64| (2.0 * u - 1.0) * half;
         Ray::new(DVec3::new(at(u, self.half[0]), at(v, self.half[1]), self.top), d)
@@ -98,7 +100,7 @@ impl<'a> Canopy<'a> {
         brf
     }
 
-    /// Where the light of channel `channel` goes, from `paths` paths with the light.
+    /// What becomes of the light of channel `channel`, from `paths` paths that follow the light.
     pub fn fluxes(&self, channel: usize, paths: u32) -> Fluxes {
         let [reflected, absorbed, transmitted, closure] = estimate(mix(self.seed, 4), paths, |samples| {
             let [u, v, ..] = samples.next();
@@ -107,7 +109,7 @@ impl<'a> Canopy<'a> {
         Fluxes { reflected, absorbed, transmitted, closure }
     }
 
-    /// One path with the light: reflected, absorbed, transmitted, and their sum.
+    /// One path that follows the light: reflected, absorbed, transmitted, and the closing sum.
     fn light(&self, mut ray: Ray, channel: usize, samples: &mut Samples) -> [f64; 4] {
         let stage = &self.tracer.stage;
         let mut carried = [1.0; 3];

@@ -1,4 +1,4 @@
-//! Paths from a point of the scene outwards: where they leave it, and what light comes in along them.
+//! Paths from a point of the scene outwards: where they leave it, and the light that comes in along them.
 
 use super::{FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, goes_on};
 use crate::accelerate::Ray;
@@ -8,17 +8,17 @@ use glam::DVec3;
 
 /// The end of a path that left the scene.
 pub(crate) struct Escape {
-    /// Where it left to (a unit vector).
+    /// The direction in which it left (a unit vector).
     pub direction: DVec3,
-    /// What it lets through of light from there, a channel each.
+    /// The share of light from there that the path transports, for each channel.
     pub carried: [f64; 3],
     /// Whether it met nothing on its way.
     pub straight: bool,
 }
 
 impl Tracer<'_> {
-    /// Follows a path along `ray` (of unit direction) until it leaves the scene; `None` where it ends inside, by chance
-    /// or because nothing is left of it.
+    /// Follows a path along `ray` (of unit direction) until it leaves the scene. `None` where it ends inside, at random
+    /// or because it carries nothing any more.
     pub(crate) fn escape(&self, mut ray: Ray, samples: &mut Samples) -> Option<Escape> {
         let mut carried = [1.0; 3];
         for turned in 0..MOST_SCATTERINGS {
@@ -40,7 +40,7 @@ impl Tracer<'_> {
         None
     }
 
-    /// Radiance that arrives along `ray` against its (unit) direction: of sky and surfaces, without the sun's disk.
+    /// Radiance that arrives along `ray` against its (unit) direction, from sky and surfaces, without the sun's disk.
     pub(crate) fn arriving(&self, ray: Ray, samples: &mut Samples) -> [f64; 3] {
         let brought = self.follow(ray, samples);
         if brought.met { brought.radiance } else { self.lights.sky(ray.direction) }

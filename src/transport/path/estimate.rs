@@ -1,4 +1,4 @@
-//! Means of what paths bring, with standard errors from independent randomisations.
+//! Means over paths, with standard errors from independent randomisations.
 
 use super::samples::{MOST_PATHS, Samples};
 use crate::seeds::scramble;
@@ -14,12 +14,12 @@ pub struct Estimate {
     pub error: f64,
 }
 
-/// Least and most randomisations of a number, and how many paths make one more. With few of them the stated error is
-/// itself uncertain: by 13 % with 32, by 3 % with 512.
+/// The least and the largest number of randomisations, and the number of paths for one more. With few randomisations
+/// the stated error is itself uncertain: by 13 % with 32, by 3 % with 512.
 const ROUNDS: [u32; 2] = [32, 512];
 const PATHS_A_ROUND: u32 = 256;
 
-/// Means of the numbers that `path` brings, over `paths` paths; cut short where a stop was asked for.
+/// Means of the numbers that `path` returns, over `paths` paths. It ends early when a stop is requested.
 pub(super) fn estimate<const N: usize>(
     seed: u64,
     paths: u32,

@@ -1,4 +1,4 @@
-//! Leaves by B1's models in the path tracer, against the exact method.
+//! Leaves by B1's models in the path tracer, compared with the exact method.
 
 use super::{Paths, Strategy, Tracer};
 use crate::foliar::{Foliar, Model};
@@ -10,7 +10,7 @@ use mesophyll_optics::foliar::{Leaf, Side, exact, fsm};
 use mesophyll_optics::gloss::Lobe;
 use std::sync::{Arc, LazyLock};
 
-/// What a soybean leaf's mesophyll absorbs of red, green and blue.
+/// Absorption of red, green and blue light in a soybean leaf's mesophyll.
 const DEPTHS: [f64; 3] = [0.89, 0.51, 1.9];
 
 static SOYBEAN: LazyLock<Foliar> =
@@ -30,7 +30,7 @@ fn view(degrees: f64, below: bool) -> DVec3 {
     DVec3::new(100.0 * at.sin(), 0.0, 100.0 * at.cos() * if below { -1.0 } else { 1.0 })
 }
 
-/// Under light from everywhere a leaf shows all that it would reflect and let through of light from the viewer.
+/// Under light from everywhere, a leaf shows everything that it would reflect and transmit of light from the viewer.
 #[test]
 fn a_leaf_under_an_even_sky_shows_what_the_exact_method_says() {
     for model in [Model::Fsm, Model::Abm] {
@@ -51,7 +51,7 @@ fn a_leaf_under_an_even_sky_shows_what_the_exact_method_says() {
     }
 }
 
-/// What is drawn by lights and what is drawn by lobes is the same light: densities are those of the draws.
+/// Drawing by lights and drawing by lobes gives the same light, so the densities are those of the draws.
 #[test]
 fn lights_and_lobes_find_the_same_light() {
     let sun = Some(ReferenceSun { direction: DVec3::new(0.5, 0.2, 0.8), irradiance: [2.0; 3], radius: 0.3 });
@@ -70,8 +70,8 @@ fn lights_and_lobes_find_the_same_light() {
     }
 }
 
-/// Where the sun stands behind the side that is seen, light turns back before the mesophyll on the mirror's side rather
-/// than on the sun's.
+/// Where the sun stands behind the side that is seen, light that turns back before the mesophyll goes to the mirror's
+/// side rather than to the sun's.
 #[test]
 fn light_from_below_leans_forward() {
     let sun = Some(ReferenceSun { direction: DVec3::new(0.7, 0.0, -0.7), irradiance: [1.0; 3], radius: 0.05 });
@@ -84,8 +84,8 @@ fn light_from_below_leans_forward() {
     assert!(forward > 1.3 * back, "{forward} {back}");
 }
 
-/// The paper's trees of three rays come to the same radiance but for what the threshold cuts off, and two thirds of the
-/// first hit's rays meet nothing more of a leaf alone.
+/// The paper's trees of three rays give the same radiance, except for the light below the threshold. For a leaf alone,
+/// two thirds of the first hit's rays meet nothing more.
 #[test]
 fn three_rays_a_hit_lose_only_what_is_cut() {
     let world = World { sky: Some([1.0; 3]), ..alone(SOYBEAN.clone()) };
@@ -97,13 +97,13 @@ fn three_rays_a_hit_lose_only_what_is_cut() {
     assert_eq!(rays, [1.0, 3.0]);
 }
 
-/// What stands for a leaf in other renderers gives no more than it gets, and what a clear leaf gets goes on.
+/// The stand-in for other renderers returns no more light than it gets, and a clear leaf absorbs nothing.
 #[test]
 fn the_stand_in_has_the_leafs_albedo() {
     let soybean = SOYBEAN.stand_in();
     let clear = Foliar::new(Model::Fsm, [Leaf::soybean(0.0); 3]).unwrap().stand_in();
     let leaf = Leaf::soybean(0.0);
-    // ∫ 2 sin θ cos θ of what the faces mirror, and of the gloss that stands for it.
+    // ∫ 2 sin θ cos θ of the light that the faces mirror, and of the gloss that represents it.
     let squares: Vec<f64> = (0..200).map(|k| (1.0 - (f64::from(k) + 0.5) / 200.0).sqrt()).collect();
     let mean = |of: &dyn Fn(f64) -> f64| squares.iter().map(|cos| of(*cos)).sum::<f64>() / 200.0;
     let faces = mean(&|cos| leaf.surface_reflectance(cos.acos()));
@@ -111,7 +111,8 @@ fn the_stand_in_has_the_leafs_albedo() {
         let lobe = Lobe::CookTorrance { index: shown.index };
         let gloss = mean(&|cos| shown.rho_s[1] * lobe.directional_albedo(cos, shown.m));
         assert_eq!(shown.rho_s, [shown.rho_s[1]; 3]);
-        // The nearest gloss lacks a fifth of the light that the faces mirror, most of it grazing, and adds none.
+        // The nearest gloss lacks a fifth of the light that the faces mirror, most of it at grazing angles, and adds
+        // none.
         assert!(gloss < faces && gloss > 0.75 * faces, "{gloss} {faces}");
         for c in 0..3 {
             for rho_d in shown.rho_d.map(|side| side[c]) {
@@ -120,7 +121,8 @@ fn the_stand_in_has_the_leafs_albedo() {
             }
         }
     }
-    // From above all of it goes on; from below the transmittance is held down to that of both ways.
+    // From above all light continues. From below, the transmittance is limited because it is the same in both
+    // directions.
     assert!(clear.rho_d[0][1] + clear.rho_t[1] + faces > 0.999, "{clear:?} {faces}");
     assert!(clear.rho_d[1][1] + clear.rho_t[1] + faces > 0.97, "{clear:?} {faces}");
     assert!(soybean.rho_d[1][1] > 3.0 * soybean.rho_d[0][1]);

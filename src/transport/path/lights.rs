@@ -1,5 +1,5 @@
-//! What shines on a scene from beyond it: the sun's disk, and a sky or an environment map; and how to draw directions
-//! towards it.
+//! The lights beyond a scene: the sun's disk, and a sky or an environment map. This module also draws directions
+//! towards them.
 
 use super::Strategy;
 use crate::dome::RadianceAt;
@@ -9,22 +9,22 @@ use crate::world::{ReferenceSun, World};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Everything that shines.
+/// All lights of a scene.
 pub struct Lights {
     sun: Option<Sun>,
     sky: Sky,
-    /// Probability that a sampled direction goes to the sun and not to the sky.
+    /// The probability that a drawn direction is towards the sun and not the sky.
     sun_share: f64,
 }
 
-/// The sun's disk, of uniform radiance.
+/// The sun's disk, with uniform radiance.
 struct Sun {
     centre: DVec3,
     across: [DVec3; 2],
     sin_radius: f64,
-    /// 1 − cos(radius), which stays exact for a small disk.
+    /// 1 − cos(radius), which stays accurate for a small disk.
     versine: f64,
-    /// On a surface that faces it.
+    /// Irradiance on a surface that faces the sun.
     irradiance: [f64; 3],
 }
 
@@ -38,23 +38,25 @@ enum Sky {
     },
 }
 
-/// A direction that light comes from.
+/// A direction from which light comes.
 pub struct Light {
     /// Unit vector towards the light.
     pub direction: DVec3,
-    /// Radiance over the density of the draw; for a sun without extent its irradiance over the probability to draw it.
+    /// Radiance over the density of the draw. For a sun without extent, it is the irradiance over the probability of
+    /// drawing the sun.
     pub weight: [f64; 3],
-    /// Density of the draw (1/sr) that a surface's own sampling competes with; `None` where it cannot hit the light.
+    /// Density of the draw (1/sr), which is balanced against a surface's own sampling. `None` where that sampling
+    /// cannot hit the light.
     pub density: Option<f64>,
     /// Whether it is the sun.
     pub sun: bool,
-    /// The sun's irradiance over its radiance times its solid angle: 1 but for a large disk.
+    /// The sun's irradiance over the product of its radiance and its solid angle. It is 1 except for a large disk.
     pub level: f64,
 }
 
 /// Columns and rows of the table by which a modelled sky is sampled.
 const TABLE: [usize; 2] = [512, 256];
-/// Least density of a modelled sky, over its mean: its table might miss a bright spot between its texels.
+/// The least density of a modelled sky, relative to its mean. The table might miss a bright spot between its texels.
 const LEAST: f64 = 0.02;
 
 impl Lights {
@@ -62,7 +64,8 @@ impl Lights {
     pub fn new(world: &World) -> Lights {
         let sun = world.sun.as_ref().map(Sun::new);
         let (sky, mean) = sky(world);
-        // By how much light either gives: the sun's on a surface that faces it, the sky's on one below it all.
+        // The choice follows the light of both: the sun's irradiance on a surface that faces it, and the sky's on a
+        // surface that sees all of it.
         let power = |c: [f64; 3]| c.iter().sum::<f64>();
         let (by_sun, by_sky) = (sun.as_ref().map_or(0.0, |s| power(s.irradiance)), PI * power(mean));
         let sun_share = match (&sun, &sky) {
@@ -74,8 +77,8 @@ impl Lights {
         Lights { sun, sky, sun_share }
     }
 
-    /// How often the sun is drawn, where `strategy` decides whether the sky is drawn at all. A constant sky is not:
-    /// whatever direction a surface draws, its light is the same.
+    /// The probability of drawing the sun. `strategy` decides whether the sky is drawn at all. A constant sky is not
+    /// drawn, because its radiance is the same in every direction that a surface draws.
     fn sun_share(&self, strategy: Strategy) -> f64 {
         let constant = matches!(self.sky, Sky::Constant(_)) && strategy != Strategy::Lights;
         if self.sun.is_some() && constant { 1.0 } else { self.sun_share }
@@ -91,7 +94,7 @@ impl Lights {
         strategy != Strategy::Surfaces && (self.sun.is_some() || sky)
     }
 
-    /// Draws a direction by four uniform numbers.
+    /// Draws a direction from four uniform numbers.
     pub fn draw(&self, [choice, u, v, _]: [f64; 4], strategy: Strategy) -> Option<Light> {
         let share = self.sun_share(strategy);
         if let Some(sun) = self.sun.as_ref().filter(|_| choice < share) {
@@ -139,8 +142,8 @@ impl Lights {
         }
     }
 
-    /// What a ray sees that left the scene in direction `d`, after a surface drew it with density `drawn` (1/sr): the
-    /// sky's radiance and the sun's, each times the share that falls to the surface's sampling.
+    /// The radiance that a ray sees when it leaves the scene in direction `d`, after a surface drew it with the density
+    /// `drawn` (1/sr): that of the sky and of the sun, each times the share of the surface's sampling.
     pub fn seen(&self, d: DVec3, drawn: f64, strategy: Strategy, with_sun: bool) -> [f64; 3] {
         let share = self.sun_share(strategy);
         let mut sum = [0.0; 3];
@@ -176,7 +179,7 @@ impl Lights {
     }
 }
 
-/// A world's sky as it is sampled, and its mean radiance.
+/// A world's sky in the form in which it is sampled, and its mean radiance.
 fn sky(world: &World) -> (Sky, [f64; 3]) {
     if let Some(radiance) = world.sky {
         return (Sky::Constant(radiance), radiance);
@@ -221,7 +224,7 @@ impl Sun {
         }
     }
 
-    /// E over ∫ cosθ dω of the disk, π sin² of its radius. A sun without extent is only ever drawn, never seen.
+    /// E over ∫ cosθ dω of the disk, which is π sin² of its radius. A sun without extent is drawn but never hit.
     fn radiance(&self) -> [f64; 3] {
         self.irradiance.map(|e| e / (PI * self.sin_radius * self.sin_radius))
     }
@@ -246,7 +249,7 @@ pub(super) use tests_support::*;
 mod tests_support {
     use super::*;
 
-    /// Density of the directions that [`Lights::draw`] gives, for tests.
+    /// Density of the directions that [`Lights::draw`] returns, for tests.
     pub fn density(lights: &Lights, d: DVec3, strategy: Strategy) -> f64 {
         let share = lights.sun_share(strategy);
         let sun = lights.sun.as_ref().filter(|s| s.holds(d)).map_or(0.0, |s| share / (TAU * s.versine));

@@ -1,13 +1,13 @@
 //! The random numbers of a camera path: Owen-scrambled Sobol points (Burley 2020), four dimensions at a time.
 //!
-//! All paths of one randomisation of a pixel share a seed and take the points of one sequence in turn, so that together
-//! they cover every dimension evenly. Different seeds give independent randomisations. Beyond the sequence's 256
-//! dimensions, and below its 24 bits, numbers come from a hash.
+//! All paths of one randomisation of a pixel share a seed and take consecutive points of one sequence, so that together
+//! they cover every dimension evenly. Different seeds give independent randomisations. Numbers beyond the sequence's
+//! 256 dimensions, and bits below its 24, come from a hash.
 
 use crate::seeds::mix;
 use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 
-/// The most paths of one randomisation: what the sequence holds.
+/// The largest number of paths in one randomisation, which is the length of the sequence.
 pub const MOST_PATHS: u32 = 1 << 16;
 
 /// The numbers of one path.
@@ -15,7 +15,7 @@ pub const MOST_PATHS: u32 = 1 << 16;
 pub struct Samples {
     seed: u32,
     index: u32,
-    /// Which four dimensions come next.
+    /// Index of the next four dimensions.
     set: u32,
 }
 
@@ -25,7 +25,7 @@ impl Samples {
         Samples { seed, index, set: 0 }
     }
 
-    /// Passes by four numbers that nobody needs.
+    /// Skips four numbers that are not needed.
     pub fn skip(&mut self) {
         self.set += 1;
     }

@@ -1,12 +1,12 @@
-//! How light is turned at a point of a leaf: both ways' diffuse light and gloss, evaluated and drawn from.
+//! How light is scattered at a point of a leaf: diffuse light in both directions and gloss, evaluated and sampled.
 //!
 //! ```text
 //! l on the viewed side:  f max(0, N·l) = ρd max(0, N·l)/π + ρs f_s(l) max(0, N·l)
 //! l on the far side:     f max(0, F·l) = ρt max(0, F·l)/π
 //! ```
-//! Of a leaf by B1's models the shares ρ depend on where it is seen from, and lobes around the mirror direction stand
-//! in for gloss ([`crate::foliar`]). N and F are the mapped normals of the viewed and the far side; the triangle
-//! decides which side `l` is on, so that what a mapped normal would draw through the blade counts nothing.
+//! For a leaf by B1's models, the shares ρ depend on the direction of view, and lobes around the mirror direction
+//! replace gloss ([`crate::foliar`]). N and F are the mapped normals of the viewed and of the far side. The triangle
+//! decides on which side `l` is. So a direction that a mapped normal would draw through the blade has no weight.
 
 use crate::foliar::{Foliar, Met, Model, stream};
 use crate::lobe::{Lobe, M_FLOOR, Reflect};
@@ -15,7 +15,7 @@ use glam::DVec3;
 use mesophyll_optics::foliar::ray::turned;
 use std::f64::consts::{PI, TAU};
 
-/// A point of a leaf as light meets it.
+/// A point of a leaf, as light meets it.
 pub struct Scatter<'a> {
     view: DVec3,
     /// The triangle's normal on the viewed side.
@@ -25,13 +25,13 @@ pub struct Scatter<'a> {
     rho_d: [f64; 3],
     rho_t: [f64; 3],
     gloss: Option<Gloss>,
-    /// Instead of gloss.
+    /// The lobes that replace gloss, for a leaf by B1's models.
     mirrored: Option<Mirrored>,
-    /// A leaf whose rays are followed through its layers, and the normal of its front.
+    /// A leaf through whose layers rays are followed, and the normal of its front.
     layers: Option<(&'a Foliar, DVec3)>,
-    /// What stands in for ρt times a cosine for light from the sun's centre.
+    /// The factor that replaces ρt times a cosine for light from the sun's centre.
     sunlit: Option<[f64; 3]>,
-    /// Probability to draw from ρd, ρt and gloss.
+    /// Probabilities of drawing from ρd, from ρt and from gloss.
     choice: [f64; 3],
 }
 
@@ -41,18 +41,18 @@ struct Gloss {
     lobe: Lobe,
 }
 
-/// What B1's models send to the lit side that is not diffuse.
+/// The part of the light that B1's models send to the lit side and that is not diffuse.
 struct Mirrored {
     direction: DVec3,
-    /// Unit vector in the leaf, on the mirror's side.
+    /// Unit vector in the leaf's plane, on the mirror's side.
     forward: DVec3,
     met: Met,
-    /// Probability of what the face reflects, and of what turned back.
+    /// Probabilities of the light that the face reflects, and of the light that turned back.
     choice: [f64; 2],
 }
 
 impl Mirrored {
-    /// Densities (1/sr) of the two at `l`.
+    /// The densities (1/sr) of the two at `l`.
     fn densities(&self, normal: DVec3, l: DVec3) -> [f64; 2] {
         let cos = normal.dot(l);
         if cos <= 0.0 { [0.0; 2] } else { self.met.densities(cos, self.direction.dot(l), self.forward.dot(l)) }
@@ -73,14 +73,14 @@ impl Mirrored {
     }
 }
 
-/// Density of a direction that nothing else can give.
+/// The density of a direction that no other sampling can produce.
 const SURE: f64 = 1e100;
 
 /// A drawn direction.
 pub struct Turn {
-    /// Unit vector that the light comes from.
+    /// Unit vector towards the place that the light comes from.
     pub direction: DVec3,
-    /// f times cosine over the density.
+    /// f times the cosine, over the density.
     pub weight: [f64; 3],
     /// Density (1/sr).
     pub density: f64,
@@ -89,9 +89,9 @@ pub struct Turn {
 }
 
 impl<'a> Scatter<'a> {
-    /// The point that `surface` tells of; `carried` is what the path so far lets through of each channel, and weighs
-    /// which lobe is drawn from. `rho_t` is of light that enters the far side where a path is followed against the
-    /// light, and the viewed side where it is followed with it.
+    /// Scattering at the point of `surface`. `carried` is the share of each channel that the path transports so far; it
+    /// affects which lobe is drawn. `rho_t` is for light that enters the far side if the path goes against the light,
+    /// and for light that enters the viewed side if it goes with the light.
     pub fn new(stage: &Stage<'a>, surface: &Surface<'a>, carried: [f64; 3], rho_t: [f64; 3]) -> Scatter<'a> {
         let lobe = surface.lobe();
         let gloss = surface.gloss().map(|(rho_s, m)| Gloss { rho_s, m: m.max(M_FLOOR), lobe });
@@ -133,7 +133,7 @@ impl<'a> Scatter<'a> {
         scatter
     }
 
-    /// Whether the sun's light comes through by maps of its own, which only the light's own sampling knows of.
+    /// Whether the sun's light passes by its own maps, which only the light's own sampling can evaluate.
     pub fn sun_by_maps(&self) -> bool {
         self.sunlit.is_some()
     }
@@ -162,22 +162,22 @@ impl<'a> Scatter<'a> {
         sum
     }
 
-    /// Of the diffuse light alone, as B1's rule for direct light has it.
+    /// The same for the diffuse light alone, as in B1's rule for direct light.
     pub fn diffuse_times_cosine(&self, l: DVec3) -> [f64; 3] {
         let (rho, cos) =
             if self.faces(l) { (self.rho_d, self.normal.dot(l)) } else { (self.rho_t, self.far_normal.dot(l)) };
         rho.map(|r| r * cos.max(0.0) / PI)
     }
 
-    /// B1's three rays with what each carries: around the mirror direction, and diffuse to the viewed and to the far
-    /// side.
+    /// B1's three rays, each with what it carries: around the mirror direction, and diffuse to the viewed and to the
+    /// far side.
     pub fn three(&self, numbers: [f64; 4]) -> [(DVec3, [f64; 3]); 3] {
         let [_, u, v, _] = numbers;
         let mirror = self.mirrored.as_ref().map_or((self.normal, [0.0; 3]), |m| {
             (m.draw(self.normal, numbers), m.met.surface.map(|s| s + m.met.turned))
         });
         let near = cosine(self.normal, u, v);
-        // Half a turn and the other end of the square: the two diffuse rays need not be alike.
+        // Half a turn and the opposite end of the unit square, so that the two diffuse rays differ.
         let far = cosine(self.far_normal, 1.0 - u, (v + 0.5).fract());
         [mirror, (near, self.rho_d), (far, self.rho_t)]
     }
@@ -208,11 +208,11 @@ impl<'a> Scatter<'a> {
         sum
     }
 
-    /// Draws a direction by uniform numbers; `None` where the drawn light counts nothing.
+    /// Draws a direction from uniform numbers; `None` where the drawn direction has no weight.
     pub fn draw(&self, numbers: [f64; 4]) -> Option<Turn> {
         if let Some((foliar, up)) = self.layers {
             let (direction, weight) = foliar.follow(self.view, up, &mut stream(numbers))?;
-            // What an interpolated normal sends through the blade counts nothing.
+            // A direction that an interpolated normal sends through the blade has no weight.
             let sound = (self.normal.dot(direction) > 0.0) == self.faces(direction);
             return sound.then(|| Turn { direction, weight, density: SURE, through: !self.faces(direction) });
         }
@@ -231,7 +231,7 @@ impl<'a> Scatter<'a> {
             let (sin, cos) = (TAU * v).sin_cos();
             let h = (self.normal + (a * cos + b * sin) * tan).normalize();
             let v_h = self.view.dot(h);
-            // A facet that is turned away mirrors nothing; what it would give is no part of the density.
+            // A facet that faces away reflects nothing, and its directions are not part of the density.
             if v_h <= 0.0 {
                 return None;
             }
@@ -254,7 +254,7 @@ fn cosine(n: DVec3, u: f64, v: f64) -> DVec3 {
 
 #[cfg(test)]
 impl Scatter<'_> {
-    /// A point of a level leaf that is seen from `view`, for tests.
+    /// A point of a level leaf seen from `view`, for tests.
     pub fn level(view: DVec3, rho: [f64; 2], gloss: Option<(f64, f64, Lobe)>) -> Scatter<'static> {
         let up = DVec3::Z * view.z.signum();
         let gloss = gloss.map(|(rho_s, m, lobe)| Gloss { rho_s: [rho_s; 3], m, lobe });

@@ -1,4 +1,4 @@
-//! The path tracer against closed forms, and its samplers against their densities.
+//! The path tracer is compared with closed forms, and its samplers with their densities.
 
 use super::lights::{Lights, density};
 use super::scatter::Scatter;
@@ -25,12 +25,12 @@ fn close((found, error): (f64, f64), want: f64, at_most: f64, what: &str) {
     assert!((found - want).abs() <= 4.0 * error + 1e-6 * want, "{what}: {found} ± {error}, expected {want}");
 }
 
-/// A crowd of leaves that absorb nothing cannot be told from the sky around them.
+/// A crowd of leaves that absorb nothing cannot be distinguished from the sky around it.
 #[test]
 fn leaves_that_absorb_nothing_vanish_in_a_constant_sky() {
     let mut world = plates(10.0, &[]);
     world.leaves = vec![leaf(square(10.0), [0.7, 0.4], 0.3, None), leaf(square(10.0), [1.0, 1.0], 0.0, None)];
-    // What is not reflected by the first leaf's back is absorbed: it is turned so that only its front is lit.
+    // The first leaf's back absorbs what it does not reflect, so the leaf is turned until only its front is lit.
     world.leaves[0].back = side(0.7, 0.3, None);
     for k in 0..40 {
         let f = f64::from(k);
@@ -61,7 +61,7 @@ fn wide_plates_meet_their_closed_form() {
     let (upper, lower) = (([0.3, 0.2], 0.35), ([0.45, 0.5], 0.4));
     let mut world = plates(1e7, &[(20.0, upper.0, upper.1), (0.0, lower.0, lower.1)]);
     world.sky = Some([1.0; 3]);
-    // Down between the plates D = τ₁ + ρ₁ U, up U = ρ₂ D + τ₂, for a sky of radiance 1 on both sides.
+    // Down between the plates D = τ₁ + ρ₁ U, and up U = ρ₂ D + τ₂, for a sky of radiance 1 on both sides.
     let down = (upper.1 + upper.0[1] * lower.1) / (1.0 - upper.0[1] * lower.0[0]);
     let up = lower.0[0] * down + lower.1;
     let above = upper.0[0] + upper.1 * up;
@@ -75,7 +75,7 @@ fn wide_plates_meet_their_closed_form() {
     }
 }
 
-/// A sheet with another sky on either side, and with a sun of its own.
+/// A sheet with different skies on its two sides, and the same with a sun.
 #[test]
 fn a_sheet_between_two_skies() {
     let mut world = plates(1e6, &[(0.0, [0.3, 0.2], 0.45)]);
@@ -103,8 +103,8 @@ fn a_sheet_between_two_skies() {
     }
 }
 
-/// Glossy leaves in a corner under sun and sky: every way of drawing directions has the same mean, and so have one, two
-/// and many scatterings.
+/// Glossy leaves in a corner under sun and sky. All ways of drawing directions have the same mean, with one, two and
+/// many scatterings.
 #[test]
 fn all_ways_of_drawing_agree() {
     let mut world = World { leaves: vec![leaf(square(10.0), [0.4, 0.3], 0.3, Some((0.2, 0.25)))], ..World::default() };
@@ -125,7 +125,7 @@ fn all_ways_of_drawing_agree() {
             assert!(*error < 0.02 * mean, "{bounces:?}: {ways:?}");
             assert!((mean - both).abs() < 4.0 * error.hypot(other), "{bounces:?}: {ways:?}");
         }
-        // A constant sky is drawn by surfaces alone, or by lights alone.
+        // A constant sky is drawn by surfaces only, or by lights only.
         let even = World { sky: Some([0.7; 3]), environment: None, ..world.clone() };
         let look = |strategy| {
             along(&even, DVec3::new(2.0, 1.0, 30.0), DVec3::new(1.0, 1.0, 0.0), Paths { bounces, strategy }, 32_768)
@@ -135,8 +135,8 @@ fn all_ways_of_drawing_agree() {
     }
 }
 
-/// Pearson's statistic of drawn directions over cells of zenith and azimuth against a density integrated in each; the
-/// number of standard deviations from its mean.
+/// Pearson's statistic of drawn directions over cells of zenith and azimuth, against a density that is integrated over
+/// each cell. Returns its distance from the mean in standard deviations.
 fn chi_square(draws: u32, draw: impl Fn(u32) -> Option<DVec3>, density: impl Fn(DVec3) -> f64) -> f64 {
     const RINGS: usize = 24;
     const SPOKES: usize = 24;
@@ -184,7 +184,7 @@ fn chi_square(draws: u32, draw: impl Fn(u32) -> Option<DVec3>, density: impl Fn(
     ((statistic / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt()
 }
 
-/// Plain random numbers: evenly spread ones would pass with too small a statistic.
+/// Plain random numbers. Evenly spread ones would give too small a statistic.
 fn random(k: u32) -> [f64; 4] {
     let of = |q: u64| (crate::seeds::mix(77 + q, u64::from(k)) >> 11) as f64 / (1u64 << 53) as f64;
     [of(0), of(1), of(2), of(3)]
@@ -198,7 +198,7 @@ fn drawn_directions_have_the_density_that_is_stated() {
         let z = chi_square(200_000, |k| scatter.draw(random(k)).map(|t| t.direction), |d| scatter.density(d));
         assert!(z < 4.0, "{lobe:?}: {z}");
     }
-    // A map with a sun of one texel among darkness and a bright row; columns do not divide the cells.
+    // A map with a sun of one texel in darkness, and a bright row. Its columns do not coincide with the cells.
     let mut texels = vec![[0.05f32; 3]; 50 * 25];
     texels[7 * 50 + 13] = [30.0; 3];
     (0..50).for_each(|i| texels[24 * 50 + i] = [2.0; 3]);
@@ -207,12 +207,12 @@ fn drawn_directions_have_the_density_that_is_stated() {
     let table = map.density.as_ref().unwrap();
     let z = chi_square(400_000, |k| Some(table.draw([random(k)[0], random(k)[1]])), |d| table.of(d));
     assert!(z < 4.0, "environment: {z}");
-    // The radiance over the density is even but for the sine within a row.
+    // Radiance over density is constant, except for the sine within a row.
     for k in 0..1000 {
         let d = table.draw([random(k)[0], random(k)[1]]);
         assert!(table.of(d) > 0.0 && map.at(d)[0] > 0.0);
     }
-    // Sun and sky together, as they are chosen between.
+    // Sun and sky together, with the choice between them.
     let world = World {
         sun: Some(ReferenceSun { direction: DVec3::new(0.2, -0.5, 0.8), irradiance: [1.0; 3], radius: 0.5 }),
         dome: Some(Dome {
@@ -236,7 +236,7 @@ fn scattering_is_reciprocal_and_gives_no_more_than_it_gets() {
             let (there, back) = (f(a, b) / b.z.abs(), f(b, a) / a.z.abs());
             assert!((there / back - 1.0).abs() < 1e-12, "{lobe:?}: {there} {back}");
         }
-        // With ρd + ρt + ρs = 1 no more than 1 comes back, whatever the view: the mean weight of what is drawn.
+        // With ρd + ρt + ρs = 1, the mean weight of the draws is at most 1 for every view.
         for theta in [0.1, 0.8, 1.3, 1.5] {
             let scatter = Scatter::level(dir(theta, 0.0), [0.3, 0.2], Some((0.5, 0.3, lobe)));
             let n = 20_000;
@@ -247,7 +247,7 @@ fn scattering_is_reciprocal_and_gives_no_more_than_it_gets() {
     }
 }
 
-/// What is read between texels: centres, the wrap in azimuth, the poles.
+/// Environment maps between texels: centres, the wrap in azimuth, the poles.
 #[test]
 fn environment_maps_lie_as_stated() {
     let (columns, rows) = (8, 4);
@@ -290,14 +290,14 @@ fn lit_plates() -> World {
     world
 }
 
-/// The stated errors cover: over blocks of pixels against a picture of many more paths. Blocks that a corner of a leaf
-/// just touches are left out of the count of intervals, not of the variance: few paths meet the leaf there, and their
-/// mean is far from normal.
+/// The stated errors are right, tested over blocks of pixels with a picture of many more paths. Blocks that a corner of
+/// a leaf just touches do not count for the intervals, but they do for the variance. Few paths meet the leaf there, and
+/// their mean is far from normally distributed.
 #[test]
 fn stated_errors_are_true() {
     const BLOCK: usize = 4;
     let world = lit_plates();
-    // Its own errors are part of what is stated, so that it need not be much finer than the pictures.
+    // The errors of this picture are added to the stated ones, so it need not be much more accurate than the pictures.
     let truth = picture_of(&world, 1024, 5);
     let blocks = 24 / BLOCK;
     for (samples, seeds) in [(16, 40), (50, 40)] {
@@ -312,7 +312,7 @@ fn stated_errors_are_true() {
                     variance += f64::from(picture.error(k)[1]).powi(2) + f64::from(truth.error(k)[1]).powi(2);
                     covered &= truth.mean[k][1] > 0.02;
                 }
-                // A block of background alone has no error, and none is stated.
+                // A block that shows only background has no error, and none is stated.
                 assert!(variance > 0.0 || difference == 0.0);
                 (off, stated) = (off + difference * difference, stated + variance);
                 if covered {
@@ -341,11 +341,11 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
         seed: 3,
         target: Target { samples: Some(samples), error: None },
     };
-    // Stored after every round: the first store that is not the last is taken up again.
+    // The picture is stored after every round. The first store that is not the last is continued.
     let mut rounds = 0;
     loop {
         let lens = crate::render::Lens::new(&request(40).camera, 24, 24).unwrap();
-        // One row at a time, as an interrupted picture has them.
+        // One row at a time, as in an interrupted picture.
         let j = rounds % 24;
         let mut cut = 0;
         let row: Vec<Brought> =

@@ -1,9 +1,9 @@
-//! Where on a leaf the light from its surroundings is known: at the anchors, which stand on a grid over each connected
-//! piece of the mesh.
+//! The places on a leaf at which the light of its surroundings is known: its anchors. They stand on a grid over each
+//! connected piece of the mesh.
 //!
-//! Light from the sky and from other leaves changes slowly along a leaf, so that a few anchors serve many vertices
-//! (Wang et al. 2005, §4, Table 1: about one in fifteen). A piece is what hangs together by edges. Two leaves that
-//! merely touch are two pieces, and no light is interpolated from one to the other.
+//! Light from the sky and from other leaves changes slowly along a leaf, so a few anchors are enough for many vertices
+//! (Wang et al. 2005, §4, Table 1: about one for fifteen). A piece is connected by edges. Two leaves that merely touch
+//! are two pieces, and no light is interpolated from one to the other.
 
 use crate::lookup::Taps;
 use crate::world::ReferenceLeaf;
@@ -13,38 +13,39 @@ use std::collections::HashMap;
 /// A point of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
-    /// Which triangle it lies on.
+    /// The triangle on which it lies.
     pub triangle: usize,
     /// Weights of the triangle's second and third corner.
     pub barycentric: [f64; 2],
 }
 
-/// The neighbourhood that an anchor stands for: points of its piece with a Gaussian density around it (Wang et al.
-/// 2005, §4, "Level of Detail"). What hides the sky from a single point then does not darken a third of a leaf.
+/// The neighbourhood that an anchor represents: points of its piece, with a Gaussian density around the anchor (Wang et
+/// al. 2005, §4, "Level of Detail"). So something that hides the sky from a single point does not darken a third of a
+/// leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
-    /// Of an anchor on a grid the first is the anchor itself. Where there is none, no light arrives.
+    /// The points. On a grid, the first one is the anchor itself. Without points, no light arrives.
     pub points: Vec<Spot>,
 }
 
-/// Points of a neighbourhood, and its standard deviation over the distance of two anchors.
+/// Number of points in a neighbourhood, and its standard deviation over the distance between two anchors.
 const POINTS: usize = 32;
 const SPREAD: f64 = 0.35;
 
-/// The anchors of a mesh, and how its vertices lie among them.
+/// The anchors of a mesh, and the places of its vertices among them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchors {
-    /// Anchors along a piece and across it.
+    /// Number of anchors along a piece and across it.
     pub grid: [usize; 2],
-    /// A piece's grid after the other's, row by row: along runs fastest.
+    /// The anchors, one piece's grid after the other, row by row. The place along the piece varies fastest.
     pub points: Vec<Anchor>,
-    /// Of each vertex: the first anchor of its piece, and its place in the grid, 0 to `grid − 1` along and across.
+    /// For each vertex, the first anchor of its piece, and its place in the grid, 0 to `grid − 1` along and across.
     pub places: Vec<[f32; 3]>,
 }
 
 impl Anchors {
-    /// A grid over every piece of a leaf. Anchors that would stand beside the leaf, or where its mask cuts it away, are
-    /// moved to the nearest place on it.
+    /// A grid over every piece of a leaf. An anchor that would be beside the leaf, or where its mask cuts the leaf
+    /// away, is moved to the nearest place on it.
     pub fn on_leaf(leaf: &ReferenceLeaf, grid: [usize; 2]) -> Anchors {
         let grid = grid.map(|n| n.max(1));
         let pieces = pieces(leaf);
@@ -55,9 +56,9 @@ impl Anchors {
         out
     }
 
-    /// An anchor at every vertex, for surfaces that no plane can be laid along, such as wood. It holds the mean over
-    /// the middles of the triangles around the vertex: the vertex itself may lie inside other wood, as the foot of a
-    /// branch does.
+    /// An anchor at every vertex, for surfaces over which no plane can be laid, such as wood. It represents the mean
+    /// over the middles of the triangles around the vertex. The vertex itself may lie inside other wood, as at the foot
+    /// of a branch.
     pub fn at_vertices(leaf: &ReferenceLeaf) -> Anchors {
         let mesh = &leaf.mesh;
         let mut around = vec![Vec::new(); mesh.positions.len()];
@@ -67,12 +68,12 @@ impl Anchors {
         Anchors {
             grid: [1, 1],
             places: (0..around.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
-            // A vertex of no triangle is never drawn.
+            // A vertex without triangles is never drawn.
             points: around.into_iter().map(|points| Anchor { points }).collect(),
         }
     }
 
-    /// What is known at the anchors, at a vertex: the bilinear mean of the four around it, as a renderer draws it.
+    /// The values at the anchors, interpolated at a vertex: the bilinear mean of the four around it, as in a renderer.
     pub fn between<const N: usize>(&self, vertex: usize, at: &[[DVec3; N]]) -> [DVec3; N] {
         let [first, x, y] = self.places[vertex].map(f64::from);
         let last = self.grid.map(|n| n - 1);
@@ -88,7 +89,8 @@ impl Anchors {
         sum
     }
 
-    /// How the vertices lie among the anchors of a level ([`level`]), which have no neighbourhoods of their own.
+    /// The places of the vertices among the anchors of a level ([`level`]). These anchors have no neighbourhoods of
+    /// their own.
     pub fn at_level(&self, to: usize) -> Anchors {
         let (fine, grid) = (self.grid, level(self.grid, to));
         let place = |p: &[f32; 3]| {
@@ -142,25 +144,26 @@ impl Anchors {
     }
 }
 
-/// How many grids a chain has that begins with this one: each has half the anchors of the one before along both axes,
-/// and at least one; the last has one.
+/// The number of grids in the chain that begins with this one. Each has half the anchors of the one before along both
+/// axes, but at least one. The last one has a single anchor.
 pub fn levels(grid: [usize; 2]) -> usize {
     (1 + grid[0].max(grid[1]).max(1).ilog2()) as usize
 }
 
-/// Anchors along a piece and across it on a level of the chain.
+/// Number of anchors along a piece and across it on a level of the chain.
 pub fn level(grid: [usize; 2], level: usize) -> [usize; 2] {
     grid.map(|n| (n >> level).max(1))
 }
 
-/// The anchors of a piece's grid that each anchor of a level stands for, with weights that sum to one: a Gaussian over
-/// the surface with the standard deviation that neighbourhoods have, [`SPREAD`] distances of two of the level's anchors
-/// (Wang et al. 2005, §4, "Level of Detail"). A single anchor along an axis is the mean.
+/// The anchors of a piece's grid that each anchor of a level represents, with weights that sum to one. The weights are
+/// a Gaussian over the surface with the same standard deviation as neighbourhoods: [`SPREAD`] times the distance
+/// between two of the level's anchors (Wang et al. 2005, §4, "Level of Detail"). A single anchor along an axis is the
+/// mean.
 pub fn coarser(grid: [usize; 2], to: usize) -> Vec<Vec<(usize, f64)>> {
     let [across_long, across_wide] = [0, 1].map(|axis| {
         let (fine, coarse) = (grid[axis], level(grid, to)[axis]);
         let weights = |k: usize| {
-            // What an anchor at the rim stands for is half as wide.
+            // An anchor at the rim represents half the width.
             let area = |i: usize| if fine > 1 && (i == 0 || i == fine - 1) { 0.5 } else { 1.0 };
             let apart = (fine.max(2) - 1) as f64 / (coarse.max(2) - 1) as f64;
             let near = |i: usize| match coarse {
@@ -184,7 +187,7 @@ pub fn coarser(grid: [usize; 2], to: usize) -> Vec<Vec<(usize, f64)>> {
 struct Plane {
     origin: DVec3,
     axes: [DVec3; 2],
-    /// From where to where the piece reaches along each axis.
+    /// The extent of the piece along each axis, from the least to the largest coordinate.
     reach: [[f64; 2]; 2],
 }
 
@@ -200,7 +203,7 @@ impl Plane {
         }
         let origin = if area > 0.0 { origin / area } else { corners(leaf, triangles[0])[0] };
         let (u, v) = normal.normalize_or(DVec3::Z).any_orthonormal_pair();
-        // The long axis is that of the greatest second moment of the area.
+        // The long axis has the largest second moment of the area.
         let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
         for [a, b, c] in triangles.iter().map(|t| corners(leaf, *t)) {
             let area = (b - a).cross(c - a).length();
@@ -226,8 +229,8 @@ impl Plane {
     }
 }
 
-/// The triangles of each piece, in the order of the mesh. Triangles hang together where they share a vertex, or an edge
-/// by the places of its ends, so that vertices which are stored twice part nothing.
+/// The triangles of each piece, in the order of the mesh. Triangles are connected if they share a vertex, or an edge
+/// whose ends are at the same places. So vertices that are stored twice separate nothing.
 fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
     let mesh = &leaf.mesh;
     let mut same: HashMap<[u64; 3], usize> = HashMap::new();
@@ -236,7 +239,7 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
         .iter()
         .map(|p| {
             let next = same.len();
-            // Adding 0 makes one of the two zeros.
+            // Adding 0 turns −0 into 0.
             *same.entry(p.to_array().map(|x| (x + 0.0).to_bits())).or_insert(next)
         })
         .collect();
@@ -255,7 +258,7 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
         let v = vertices(leaf, t).map(|k| place[k]);
         let by_edge = [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])];
         let by_edge = by_edge.map(|(a, b)| *edges.entry([a.min(b), a.max(b)]).or_insert(t));
-        // A vertex that two triangles share has one place among anchors: both belong to one piece.
+        // A vertex that two triangles share has one place among the anchors, so both belong to one piece.
         let by_vertex = vertices(leaf, t).map(|k| *shared[k].get_or_insert(t));
         for other in by_edge.into_iter().chain(by_vertex) {
             let (x, y) = (root(&mut parent, t), root(&mut parent, other));
@@ -274,8 +277,8 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
     out
 }
 
-/// Places on the leaf to choose from where a node of the grid is not on it: within each triangle, near its corners and
-/// in its middle.
+/// Places on the leaf that replace a node of the grid that is not on it: for each triangle, near its corners and in its
+/// middle.
 fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Spot> {
     const PLACES: [[f64; 2]; 4] = [[1.0 / 3.0; 2], [0.02, 0.02], [0.96, 0.02], [0.02, 0.96]];
     triangles
@@ -285,10 +288,10 @@ fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Spot> {
         .collect()
 }
 
-/// Point `k` of a Gaussian neighbourhood with the standard deviation [`SPREAD`], in units of the distance of two
+/// Point `k` of a Gaussian neighbourhood with the standard deviation [`SPREAD`], in units of the distance between two
 /// anchors.
 fn gaussian(k: usize) -> DVec2 {
-    // Kronecker's sequence by the plastic number: even at every length.
+    // Kronecker's sequence by the plastic number, which is even for every number of points.
     let even = |step: f64| (0.5 + k as f64 * step).fract();
     let (u, v) = (even(0.754_877_666_246_692_7), even(0.569_840_290_998_053_2));
     let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
@@ -303,13 +306,13 @@ fn on_leaf(leaf: &ReferenceLeaf, anchor: &Spot) -> bool {
     Taps::new(at.x, at.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
 }
 
-/// Barycentric coordinates of a point in a triangle, its rim included; `None` outside it and for a triangle without
+/// Barycentric coordinates of a point in a triangle, including its rim. `None` outside it, and for a triangle without
 /// area.
 fn inside([a, b, c]: &[DVec2; 3], p: DVec2) -> Option<[f64; 2]> {
     let (u, v, w) = (*b - *a, *c - *a, p - *a);
     let area = u.perp_dot(v);
     let (x, y) = (w.perp_dot(v) / area, u.perp_dot(w) / area);
-    // A node at the rim may come to lie outside by rounding.
+    // By rounding, a node at the rim may lie slightly outside.
     let (x, y) = (x + 1e-9, y + 1e-9);
     (x >= 0.0 && y >= 0.0 && x + y <= 1.0 + 4e-9).then(|| [x.min(1.0), y.min(1.0 - x.min(1.0))])
 }
@@ -322,7 +325,7 @@ fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [DVec3; 3] {
     vertices(leaf, triangle).map(|k| leaf.mesh.positions[k])
 }
 
-/// Where an anchor is, in the mesh's own frame.
+/// The place of an anchor in the mesh's own frame.
 pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Spot) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     a + (b - a) * anchor.barycentric[0] + (c - a) * anchor.barycentric[1]
@@ -343,8 +346,8 @@ mod tests {
         leaf(square(0.5 * size), [0.3, 0.3], 0.2, None)
     }
 
-    /// Every level's weights sum to one, an even light stays even, a light that rises evenly along the leaf keeps its
-    /// mean, and the last level is that mean.
+    /// The weights of every level sum to one. An even light stays even, a light that rises evenly along the leaf keeps
+    /// its mean, and the last level is that mean.
     #[test]
     fn a_chain_keeps_what_is_even() {
         for grid in [[5, 3], [18, 15], [1, 1], [2, 7]] {
@@ -364,7 +367,7 @@ mod tests {
         }
     }
 
-    /// A square with three by three anchors has them at its corners, its edges' middles and its centre, and its
+    /// A square with three by three anchors has them at its corners, at the middles of its edges and at its centre. Its
     /// vertices lie at the grid's ends.
     #[test]
     fn a_grid_covers_its_piece() {
@@ -382,7 +385,8 @@ mod tests {
         }
     }
 
-    /// Two sheets that share one corner are two pieces; two triangles that share an edge by places alone are one.
+    /// Two sheets that share one corner are two pieces. Two triangles whose edges share only their places are one
+    /// piece.
     #[test]
     fn leaves_that_touch_are_not_joined() {
         let mut leaf = sheet(10.0);
@@ -394,7 +398,7 @@ mod tests {
         leaf.mesh.normals.extend(leaf.mesh.normals.clone());
         leaf.mesh.uvs.extend(leaf.mesh.uvs.clone());
         assert_eq!(pieces(&leaf).len(), 2);
-        // Every triangle with vertices of its own.
+        // Every triangle gets vertices of its own.
         let mut split = leaf.clone();
         split.mesh.positions = leaf.mesh.indices.iter().map(|i| leaf.mesh.positions[*i as usize]).collect();
         split.mesh.indices = (0..leaf.mesh.indices.len() as u32).collect();
@@ -402,17 +406,17 @@ mod tests {
         assert_eq!(Anchors::on_leaf(&leaf, [2, 1]).points.len(), 4);
     }
 
-    /// Anchors stand where the mask leaves the leaf, also where the grid's node is cut away.
+    /// Anchors stand where the mask leaves the leaf, also where it cuts the grid's node away.
     #[test]
     fn anchors_stand_on_the_leaf() {
         let mut leaf = sheet(10.0);
         (leaf.width, leaf.height) = (8, 8);
-        // Only the left half is leaf.
+        // Only the left half is a leaf.
         leaf.mask = Some((0..64).map(|k| u8::from(k % 8 < 4)).collect());
         for anchor in &Anchors::on_leaf(&leaf, [4, 4]).points {
             assert!(anchor.points.iter().all(|p| on_leaf(&leaf, p)), "{anchor:?}");
         }
-        // A neighbourhood in the middle of a leaf is whole, and its mean is the anchor.
+        // A neighbourhood in the middle of a leaf is complete, and its mean is the anchor.
         let whole = &Anchors::on_leaf(&sheet(10.0), [5, 5]).points[12];
         let mean = whole.points.iter().map(|p| position(&leaf, p)).sum::<DVec3>() / whole.points.len() as f64;
         assert!(whole.points.len() == POINTS && mean.length() < 0.15, "{mean}");

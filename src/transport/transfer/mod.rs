@@ -1,8 +1,9 @@
-//! Precomputed transfer: how light from all around arrives at the leaves of a scene, past and by way of other leaves.
+//! Precomputed transfer: how light from all around arrives at the leaves of a scene, between and by way of other
+//! leaves.
 //!
-//! Wang et al. 2005, §4, give every vertex an operator from the harmonics of the light to the harmonics of what
-//! arrives. Here an operator stands at the [`anchors`] of a leaf, a few a leaf, and its rows ([`operator`]) are what
-//! shading needs.
+//! In Wang et al. 2005, §4, every vertex has an operator from the harmonics of the light to the harmonics of what
+//! arrives. Here the operators are at the [`anchors`], of which a leaf has a few. Their rows ([`operator`]) are the
+//! quantities that shading needs.
 
 pub mod anchors;
 pub mod operator;

@@ -1,6 +1,6 @@
-//! What arrives at the anchors of a leaf, as a linear function of the light around the scene.
+//! The light that arrives at the anchors of a leaf, as a linear function of the light around the scene.
 //!
-//! An anchor's **rows** are numbers from which a shader works out everything that it shows there:
+//! The **rows** of an anchor are numbers from which a shader computes everything that it shows there:
 //!
 //! ```text
 //! front irradiance vector  F₁ = ∫ L(ω) ω dω over directions on the front of the anchor's triangle   (3 rows)
@@ -8,14 +8,15 @@
 //! harmonics of the light   L_lm = ∫ L(ω) Y_lm(ω) dω, l < N, for gloss                                (N² rows)
 //! irradiance               E = ∫ L(ω) n·ω dω over the front, of wood and ground instead of all these (1 row)
 //! ```
-//! L is the radiance that arrives: from the sky where nothing hides it, and from other leaves. The sun's disk itself is
-//! left out of it, since its light is sharp and is drawn by shadows. A surface with the mapped normal n collects
-//! max(0, n·F) of irradiance, which is exact but for directions on the viewed side of the blade and behind n.
+//! L is the radiance that arrives from the sky where nothing hides it, and from other leaves. Direct light from the
+//! sun's disk is not included, because it is sharp and is drawn with shadows. A surface with the mapped normal n
+//! collects the irradiance max(0, n·F). This is exact except for directions on the viewed side of the blade that are
+//! behind n.
 //!
-//! A row is a sum over **columns**, which say what light is around: real harmonics of the sky and the sun (a light that
-//! moves; Wang et al. 2005, §4, has 25), or a single column, the scene's own light (one that stands still, without the
-//! cut to a few bands). Each entry is an integral over paths from the anchor outwards, estimated by Monte Carlo from
-//! Owen-scrambled Sobol points.
+//! A row is a sum over **columns**, which describe the light around. Columns are real harmonics of sky and sun, for a
+//! light that moves (Wang et al. 2005, §4, has 25). Or there is a single column, the scene's own light, for a light
+//! that does not move; it is not cut to a few bands. Each entry is an integral over paths from the anchor outwards,
+//! estimated by Monte Carlo with Owen-scrambled Sobol points.
 
 use super::anchors::{Anchor, normal, position};
 use crate::path::{Samples, Tracer};
@@ -27,17 +28,17 @@ use mesophyll_sky::harmonics::Basis;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// What a light is made of.
+/// The functions that a light is a sum of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Columns {
     /// Harmonics of this many bands, for a light that moves.
     Harmonics(usize),
-    /// The light of the scene as it is, without the sun's disk.
+    /// The scene's own light, without the sun's disk.
     Light,
 }
 
 impl Columns {
-    /// How many there are.
+    /// Number of columns.
     pub fn count(self) -> usize {
         match self {
             Columns::Harmonics(bands) => bands * bands,
@@ -46,19 +47,19 @@ impl Columns {
     }
 }
 
-/// Which rows a surface needs.
+/// The rows that a surface needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rows {
-    /// The front's irradiance alone, a number: wood and ground.
+    /// The front's irradiance as one number: wood and ground.
     Front,
-    /// Both sides' irradiance: a matte leaf.
+    /// The irradiance vectors of both sides: a matte leaf.
     Both,
-    /// Also the harmonics of this many bands: a glossy leaf.
+    /// These and the harmonics of this many bands: a glossy leaf.
     Glossy(usize),
 }
 
 impl Rows {
-    /// How many there are.
+    /// Number of rows.
     pub fn count(self) -> usize {
         match self {
             Rows::Front => 1,
@@ -68,44 +69,45 @@ impl Rows {
     }
 }
 
-/// An instance of the world whose light is wanted.
+/// An instance of the world for which the arriving light is computed.
 #[derive(Debug, Clone, Copy)]
 pub struct Receiver<'a> {
-    /// Of the world.
+    /// Index of the instance in the world.
     pub instance: usize,
-    /// Of its mesh.
+    /// Anchors of its mesh.
     pub anchors: &'a [Anchor],
-    /// What is wanted of each.
+    /// The rows of each anchor.
     pub rows: Rows,
 }
 
-/// How well the rows are to be known.
+/// The settings of the computation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
-    /// What the light is made of.
+    /// The functions that the light is a sum of.
     pub columns: Columns,
     /// Paths from each anchor, in all directions; at least [`ROUNDS`].
     pub paths: u32,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
-/// Independent randomisations of an anchor's paths, from whose scatter the error is told.
+/// Number of independent randomisations of an anchor's paths. Their scatter gives the error.
 pub const ROUNDS: u32 = 8;
 
-/// What was found of one instance.
+/// The result for one instance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// Anchor by anchor, row by row, column by column: red, green and blue of the light that comes by way of other
-    /// surfaces, and the share that comes straight from the sky (of [`Columns::Light`] the first three hold it all).
+    /// The entries anchor by anchor, row by row, column by column: red, green and blue of the light by way of other
+    /// surfaces, and the share that comes straight from the sky. For [`Columns::Light`] the first three contain all
+    /// light.
     pub entries: Vec<[f32; 4]>,
-    /// Relative standard error of each anchor's irradiance, both sides together, under an even light all around (under
-    /// the scene's own for [`Columns::Light`]). NaN where no light arrives.
+    /// Relative standard error of each anchor's irradiance on both sides together, under an even light all around
+    /// (under the scene's own light for [`Columns::Light`]). NaN where no light arrives.
     pub errors: Vec<f32>,
 }
 
-/// Works out what arrives at one instance; anchors are shared between threads. It may be cut short where a stop was
-/// asked for: the caller looks.
+/// Computes the light that arrives at one instance. Threads share the anchors. It may end early when a stop is
+/// requested, which the caller must check.
 pub fn measure(tracer: &Tracer, receiver: &Receiver, request: &Request) -> Found {
     let world = tracer.world();
     let (rows, columns) = (receiver.rows.count(), request.columns.count());
@@ -124,7 +126,7 @@ pub fn measure(tracer: &Tracer, receiver: &Receiver, request: &Request) -> Found
     Found { entries: each.iter().flat_map(|e| &e.0).copied().collect(), errors: each.iter().map(|e| e.1).collect() }
 }
 
-/// An anchor where it stands in the world.
+/// An anchor at its place in the world.
 struct At {
     /// The points of its neighbourhood, and their normals.
     points: Vec<(DVec3, DVec3)>,
@@ -156,7 +158,7 @@ impl At {
             _ => 1,
         });
         let each = request.paths.div_ceil(ROUNDS).max(1);
-        // Paths go out over the whole sphere, or over the front's half of it.
+        // Paths go into the whole sphere, or into the front's half of it.
         let sphere = if self.rows == Rows::Front { TAU } else { 2.0 * TAU };
         let weight = sphere / f64::from(each) / f64::from(ROUNDS);
         let mut sum = vec![[0f32; 4]; rows * columns];
@@ -206,7 +208,7 @@ impl At {
         (sum, if mean > 0.0 { (spread.sqrt() / mean) as f32 } else { f32::NAN })
     }
 
-    /// A direction of the sphere, or of the front's half of it, with constant density.
+    /// A direction of the sphere, or of the front's half of it, with uniform density.
     fn direction(&self, normal: DVec3, [u, v, ..]: [f64; 4]) -> DVec3 {
         let z = if self.rows == Rows::Front { u } else { 1.0 - 2.0 * u };
         let (a, b) = normal.any_orthonormal_pair();
@@ -215,9 +217,9 @@ impl At {
         (a * (r * cos) + b * (r * sin) + normal * z).normalize()
     }
 
-    /// Irradiance of both sides together: under an even light of radiance 1/π, or under the scene's own.
+    /// The irradiance of both sides together, under an even light of radiance 1/π, or under the scene's own light.
     fn level(&self, entries: &[[f32; 4]], columns: Columns) -> f64 {
-        // The first harmonic is √(1/4π) everywhere: light of radiance 1 has the coefficient √(4π).
+        // The first harmonic is √(1/4π) everywhere, so light of radiance 1 has the coefficient √(4π).
         let even = if columns == Columns::Light { 1.0 } else { (4.0 * PI).sqrt() / PI };
         let light = |row: usize| {
             let e = entries[row * columns.count()];
@@ -231,7 +233,7 @@ impl At {
     }
 }
 
-/// What arrives along a ray from where it leads to, a number a column; false where it is nothing.
+/// Writes the light that arrives along a ray into `out`, a colour for each column. Returns false where none arrives.
 fn arrives(
     tracer: &Tracer,
     ray: crate::accelerate::Ray,

@@ -1,4 +1,4 @@
-//! Transfer against closed forms, and its two ways of holding a light against each other.
+//! The transfer is compared with closed forms, and its two forms of a light with each other.
 
 use super::*;
 use crate::dome::Dome;
@@ -10,7 +10,7 @@ use mesophyll_sky::harmonics::Basis;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// What arrives at every anchor of an instance under a light with these coefficients (a channel each).
+/// The light that arrives at every anchor of an instance, under a light with these coefficients for each channel.
 fn under(found: &Found, rows: usize, light: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
     let row = |entries: &[[f32; 4]]| {
         [0, 1, 2].map(|c| entries.iter().zip(light).map(|(e, l)| f64::from(e[c] + e[3]) * l[c]).sum::<f64>())
@@ -27,20 +27,20 @@ fn of(world: &World, instance: usize, grid: [usize; 2], rows: Rows, request: Req
 
 const HARMONICS: Request = Request { columns: Columns::Harmonics(5), paths: 2048, seed: 3 };
 
-/// Radiance 1 all around.
+/// Light of radiance 1 all around.
 fn even() -> Vec<[f64; 3]> {
     let mut light = vec![[0.0; 3]; 25];
     light[0] = [(4.0 * PI).sqrt(); 3];
     light
 }
 
-/// Irradiance vectors of front and back, as lengths along the normal `n`, green.
+/// The irradiance vectors of front and back as lengths along the normal `n`, for green.
 fn along(rows: &[[f64; 3]], n: DVec3) -> [f64; 2] {
     let vector = |first: usize| DVec3::new(rows[first][1], rows[first + 1][1], rows[first + 2][1]);
     [vector(0).dot(n), -vector(3).dot(n)]
 }
 
-/// A leaf alone gets π from a light of radiance 1, and harmonics of a light that is the same everywhere.
+/// A leaf alone gets π from a light of radiance 1, and the harmonics of an even light.
 #[test]
 fn a_leaf_alone_sees_all_of_the_light() {
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 0.7);
@@ -56,18 +56,18 @@ fn a_leaf_alone_sees_all_of_the_light() {
     }
 }
 
-/// Between two wide plates the light goes to and fro: with D the radiance downwards and U upwards, D = ρ₁ U + τ₁ and U
-/// = ρ₂ D + τ₂.
+/// Between two wide plates the light is reflected back and forth. With D the radiance downwards and U upwards, D = ρ₁ U
+/// + τ₁ and U = ρ₂ D + τ₂.
 #[test]
 fn wide_plates_exchange_light_as_their_closed_form_says() {
     let (upper, lower) = (([0.3, 0.5], 0.35), ([0.45, 0.5], 0.4));
     let mut world = plates(1e6, &[(20.0, upper.0, upper.1), (0.0, lower.0, lower.1)]);
-    // Anchors in the middle only: at the rim a plate is not wide.
+    // Only anchors in the middle count, because at the rim a plate is not wide.
     let down = (upper.1 + upper.0[1] * lower.1) / (1.0 - upper.0[1] * lower.0[0]);
     let up = lower.0[0] * down + lower.1;
     let check = |found: &Found, light: &[[f64; 3]], wanted: [f64; 2], what: &str| {
         let rows = &under(found, 6, light)[0];
-        // The stated error is of both sides together.
+        // The stated error is that of both sides together.
         let error = f64::from(found.errors[0]) * PI * (wanted[0] + wanted[1]);
         let seen = along(rows, DVec3::Z);
         for (e, want) in seen.into_iter().zip(wanted) {
@@ -83,7 +83,7 @@ fn wide_plates_exchange_light_as_their_closed_form_says() {
     check(&of(&world, 1, [1, 1], Rows::Both, request), &[[1.0; 3]], [down, 1.0], "lower, the light itself");
 }
 
-/// Leaves that absorb nothing change nothing of an even light, whatever stands in the way.
+/// Leaves that absorb nothing do not change an even light, whatever is in its way.
 #[test]
 fn leaves_that_absorb_nothing_change_no_even_light() {
     let mut world = plates(10.0, &[]);
@@ -104,8 +104,8 @@ fn leaves_that_absorb_nothing_change_no_even_light() {
     }
 }
 
-/// A light of five bands comes to the same by its harmonics as by itself, though one way draws directions towards it
-/// and the other waits for them. The stated errors are those of the difference.
+/// A light of five bands gives the same by its harmonics as by itself, although one way draws directions towards the
+/// light and the other does not. The difference agrees with the stated errors.
 #[test]
 fn harmonics_and_the_light_itself_agree() {
     let mut world = plates(
@@ -141,7 +141,7 @@ fn harmonics_and_the_light_itself_agree() {
                 let apart = (a[k][row][1] - b[k][row][1]).abs() / scale;
                 assert!(apart < 0.06, "instance {instance}, anchor {k}, row {row}: {:?} {:?}", a[k][row], b[k][row]);
             }
-            // Two estimates of the same irradiance are apart by √2 of their stated error on average.
+            // Two estimates of the same irradiance differ on average by √2 of their stated error.
             let level = |rows: &[[f64; 3]]| along(rows, DVec3::Z).iter().sum::<f64>();
             let error = f64::from(itself.errors[k]) * level(&b[k]);
             squares += (level(&b[k]) - level(&c[k])).powi(2) / (2.0 * error * error);
@@ -151,7 +151,7 @@ fn harmonics_and_the_light_itself_agree() {
     assert!((0.2..4.0).contains(&(squares / count)), "{}", squares / count);
 }
 
-/// What the sun lights is seen in the light of other leaves, but its own disk is not.
+/// Surfaces that the sun lights are part of the light for other leaves, but the sun's own disk is not.
 #[test]
 fn the_suns_disk_is_left_out() {
     let mut world = plates(1e6, &[(0.0, [0.4, 0.3], 0.2)]);

@@ -1,13 +1,12 @@
-//! What stands in the light of one direction, on the plane across it.
+//! What stands in the light of one direction, computed on the plane across it.
 //!
-//! All light of a map comes nearly from one direction, so that the scene is looked at from there once: every instance's
-//! triangles are entered into a grid on the plane across the direction, and a receiver looks only at the triangles of
-//! its own cells. What a triangle hides of the light is a set of the light's points, one bit each; a triangle that
-//! hides all of them or none is told by three numbers. So a receiver costs about as much as one ray, however many
-//! points the light has.
+//! All light of a map comes from nearly one direction. So the scene is projected along it once: the triangles of every
+//! instance are sorted into a grid on the plane across the direction. A receiver then tests only the triangles in its
+//! own cells. A triangle hides a set of the light's points, with one bit for each point. Three numbers tell whether it
+//! hides all points or none. So a receiver costs about as much as one ray, whatever the number of points.
 //!
-//! Whether a point is hidden is decided by signed volumes (as in Plücker coordinates), the same number for both
-//! triangles of an edge: no light falls through between them.
+//! Signed volumes (as in Plücker coordinates) decide whether a point is hidden. Both triangles of an edge use the same
+//! number, so no light passes between them.
 
 use super::grid::Grid;
 use super::light::{AreaLight, frame};
@@ -17,27 +16,27 @@ use crate::world::ReferenceLeaf;
 use glam::{DMat3, DMat4, DVec2, DVec3, Vec4};
 use rayon::prelude::*;
 
-/// The scene as one light's direction sees it.
+/// The scene, projected along one direction of the light.
 pub(super) struct Casters<'a> {
     stage: &'a Stage<'a>,
-    /// Points of the light as tangents, 64 a word of bits; those beyond the last are never looked at.
+    /// Points of the light as tangents, 64 to a word of bits. Those beyond the last point are never read.
     points: Vec<[[f64; 64]; 2]>,
-    /// The bits of the last word that stand for points.
+    /// The bits of the last word that belong to points.
     last: u64,
     /// Largest tangent of a point.
     spread: f64,
-    /// More than single precision loses of a length (mm).
+    /// More than the error of a length in single precision (mm).
     slack: f64,
-    /// Triangles of each leaf that may hide something, and whether the outline has to be asked.
+    /// Triangles of each leaf that may hide something, and whether the outline must be tested.
     triangles: Vec<Vec<([u32; 3], u32, bool)>>,
     casts: Vec<Cast>,
-    /// Over all instances.
+    /// The grid over all instances.
     top: Grid,
     instances: Vec<u32>,
     from: DMat3,
 }
 
-/// An instance as the light sees it: x across, y up, z towards the light (mm).
+/// An instance in the light's frame: x across, y up, z towards the light (mm).
 #[derive(Debug, Default)]
 struct Cast {
     vertices: Vec<DVec3>,
@@ -51,11 +50,11 @@ struct Cast {
 /// A triangle in a cell, with its box rounded outwards.
 #[derive(Debug, Clone, Copy, Default)]
 struct Entry {
-    /// Least x and y, and the largest with the other sign.
+    /// The least x and y, and the largest x and y with the opposite sign.
     sides: Vec4,
-    /// Nearest to the light.
+    /// Largest z, nearest to the light.
     top: f32,
-    /// Which of the leaf's.
+    /// Index of the triangle in its leaf.
     triangle: u32,
 }
 
@@ -80,12 +79,12 @@ impl<'a> Casters<'a> {
         }
     }
 
-    /// Words of bits that the light has.
+    /// Number of words of bits for the light's points.
     pub fn words(&self) -> usize {
         self.points.len()
     }
 
-    /// Looks at the scene from `direction`.
+    /// Projects the scene along `direction`.
     pub fn look_from(&mut self, direction: DVec3) {
         self.from = frame(direction);
         let (world, triangles, turn) = (self.stage.world, &self.triangles, DMat4::from_mat3(self.from.transpose()));
@@ -105,8 +104,8 @@ impl<'a> Casters<'a> {
         self.top.sort(casts.len(), casts.len(), rectangle, &mut self.instances, |k| k as u32);
     }
 
-    /// Sets the bits of the light's points that are hidden from `point` (in the world); those beyond the last point
-    /// mean nothing.
+    /// Sets the bits of the light's points that are hidden from `point` (in the world). Bits beyond the last point have
+    /// no meaning.
     pub fn hide(&self, point: DVec3, hidden: &mut [u64]) {
         let p = self.from.transpose() * point;
         let flat = p.truncate();
@@ -129,7 +128,7 @@ impl<'a> Casters<'a> {
                     if above < -slack || !entry.sides.cmple(middle + (above * spread + slack)).all() {
                         continue;
                     }
-                    // Looked at in the first cell that it shares with the receiver, and not again.
+                    // It is tested in the first cell that it shares with the receiver, and not again.
                     let first = cast.grid.place(DVec2::new(f64::from(entry.sides.x), f64::from(entry.sides.y)));
                     if [first[0].max(*columns.start()), first[1].max(*rows.start())] == [i, j]
                         && self.hide_by(k as usize, entry.triangle as usize, p, hidden)
@@ -141,13 +140,13 @@ impl<'a> Casters<'a> {
         }
     }
 
-    /// Sets the bits that a triangle hides from `p` (in the light's frame); true where none is left.
+    /// Sets the bits that a triangle hides from `p` (in the light's frame). Returns true where no point is left.
     fn hide_by(&self, instance: usize, triangle: usize, p: DVec3, hidden: &mut [u64]) -> bool {
         let leaf = self.stage.world.instances[instance].leaf;
         let (corners, number, by_outline) = self.triangles[leaf][triangle];
         let [a, b, c] = corners.map(|k| self.casts[instance].vertices[k as usize] - p);
-        // Twice the areas of the triangles that a direction s makes with two corners are s·(a × b) …; all have the sign
-        // of the volume where s goes through the triangle, and forwards.
+        // Let a, b and c be the corners and s a direction. The triangles between s and two corners have the signed
+        // volumes s·(a × b) and so on. All three have the sign of a·(b × c) where s goes forwards through the triangle.
         let (bc, ca, ab) = (b.cross(c), c.cross(a), a.cross(b));
         let volume = a.dot(bc);
         if volume == 0.0 {
@@ -186,7 +185,7 @@ impl<'a> Casters<'a> {
     }
 }
 
-/// The triangles of a leaf that are on it, their numbers, and whether only a part is.
+/// The triangles of a leaf that are on it, their numbers, and whether only a part of each is.
 fn hiding(leaf: &ReferenceLeaf) -> Vec<([u32; 3], u32, bool)> {
     let corners = leaf.mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]);
     corners
@@ -220,7 +219,7 @@ impl Cast {
         (self.low, self.high) = (0..triangles.len())
             .map(bounds)
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), [a, b]| (low.min(a), high.max(b)));
-        // By the entries' own boxes, so that a triangle's first cell can be told from them.
+        // The rectangles are those of the entries' own boxes, so that a triangle's first cell follows from its entry.
         let rectangle = |k: usize| {
             let [x, y, right, up] = entry(k).sides.as_dvec4().to_array();
             Some([DVec2::new(x, y), DVec2::new(-right, -up)])

@@ -1,4 +1,4 @@
-//! Visibility maps of many directions in few bytes; each is decoded by itself.
+//! Visibility maps for many directions in few bytes. Each can be decoded by itself.
 
 use super::directions::Directions;
 use super::entropy::{Counts, Model, take};
@@ -10,7 +10,7 @@ use mesophyll_files::{atomic, hash};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Maps on their way into [`CodedMaps`]. Until all are there they are kept as run lengths.
+/// Collects maps for [`CodedMaps`]. Until all of them have arrived, they are stored as run lengths.
 #[derive(Debug, Clone)]
 pub struct Collector {
     receivers: usize,
@@ -19,12 +19,12 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// For maps of so many receivers.
+    /// A collector of maps with this number of receivers.
     pub fn new(receivers: usize) -> Collector {
         Collector { receivers, counts: Box::default(), maps: Vec::new() }
     }
 
-    /// The next direction's map.
+    /// Adds the map of the next direction.
     ///
     /// # Errors
     /// [`Error::Usage`] for a map of another length.
@@ -37,12 +37,12 @@ impl Collector {
         Ok(())
     }
 
-    /// Bytes that the maps take as run lengths: the source's code.
+    /// Number of bytes that the maps take as run lengths, which is the source's code.
     pub fn run_length_bytes(&self) -> usize {
         self.maps.iter().map(Vec::len).sum()
     }
 
-    /// Codes them; `directions` has one for each.
+    /// Codes the maps. `directions` has one direction for each.
     ///
     /// # Errors
     /// [`Error::Usage`] where there are more or fewer maps than directions.
@@ -73,42 +73,42 @@ impl Collector {
     }
 }
 
-/// Maps of many directions; every one is decoded by itself.
+/// Maps for many directions. Each is decoded by itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CodedMaps {
     receivers: usize,
     directions: Directions,
     model: Model,
-    /// Where each map ends in `data`.
+    /// The end of each map in `data`.
     ends: Vec<usize>,
     data: Vec<u8>,
 }
 
-/// What a file begins with; the last byte is the version of the format.
+/// The first bytes of a file. The last one is the version of the format.
 const MAGIC: [u8; 8] = *b"mesovis\x01";
-/// Hexadecimal digits of the hash that a file ends with.
+/// Number of hexadecimal digits in the hash at the end of a file.
 const HASH: usize = 64;
 
 impl CodedMaps {
-    /// Which directions have a map.
+    /// The directions that have a map.
     pub fn directions(&self) -> &Directions {
         &self.directions
     }
 
-    /// Receivers of a map.
+    /// Number of receivers in a map.
     pub fn receivers(&self) -> usize {
         self.receivers
     }
 
-    /// Bytes of a file of them: the maps, and all that they share.
+    /// Number of bytes of a file with these maps and all that they share.
     pub fn bytes(&self) -> usize {
         self.to_bytes().len()
     }
 
-    /// The map of direction `k` of the list, into `map`, which has an entry a receiver.
+    /// Decodes the map of direction `k` of the list into `map`, which has an entry for each receiver.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a direction that has none, a `map` of another length, or data that are not a map's.
+    /// [`Error::Usage`] for a direction without a map, a `map` of another length, or data that are not a map's.
     pub fn decode(&self, k: usize, map: &mut [u8]) -> Result<()> {
         let bad = |what: String| Error::Usage(format!("visibility map {k}: {what}"));
         if map.len() != self.receivers {
@@ -119,8 +119,8 @@ impl CodedMaps {
         self.model.decode(&self.data[start..end], map).map_err(bad)
     }
 
-    /// The map for a light between the directions: the maps around it, mixed ([`Directions::blend`]). All dark where
-    /// there are none.
+    /// The map for a light between the directions: a mixture of the maps around it ([`Directions::blend`]). It is dark
+    /// where there are none.
     ///
     /// # Errors
     /// As [`CodedMaps::decode`].
@@ -141,7 +141,7 @@ impl CodedMaps {
         Ok(())
     }
 
-    /// Writes them to a file: directions, tables, lengths, maps, and a hash of it all.
+    /// Writes the maps to a file: directions, tables, lengths, maps, and a hash of everything.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file.
@@ -149,10 +149,10 @@ impl CodedMaps {
         atomic::write_bytes(path, &self.to_bytes())
     }
 
-    /// Reads what [`CodedMaps::write`] wrote.
+    /// Reads a file of [`CodedMaps::write`].
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file where it is missing, damaged or something else.
+    /// [`Error::Input`] that names the file, where it is missing, damaged or not such a file.
     pub fn read(path: &Path) -> Result<CodedMaps> {
         let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
         CodedMaps::from_bytes(&bytes).map_err(|what| Error::input(path, format!("visibility maps: {what}")))
@@ -173,7 +173,7 @@ impl CodedMaps {
         out
     }
 
-    /// Takes no more memory than three times the bytes and 20 MB, whatever they are.
+    /// Parses a file. For any content it takes at most three times the bytes and 20 MB of memory.
     fn from_bytes(bytes: &[u8]) -> std::result::Result<CodedMaps, String> {
         let (mut rest, found) = bytes.split_last_chunk::<HASH>().ok_or("it is cut off")?;
         if !rest.starts_with(&MAGIC) {
@@ -185,7 +185,7 @@ impl CodedMaps {
         CodedMaps::parse(&mut rest)
     }
 
-    /// Everything but the hash.
+    /// Parses everything except the hash.
     fn parse(rest: &mut &[u8]) -> std::result::Result<CodedMaps, String> {
         let _: [u8; MAGIC.len()] = take(rest)?;
         let receivers = u32::from_le_bytes(take(rest)?) as usize;
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Maps of such lengths and values as leaves have: dark and lit runs, with penumbras between them.
+    /// A map with lengths and values as leaves have them: dark and lit runs, with penumbras between them.
     fn map(receivers: usize, seed: u64) -> Vec<u8> {
         let mut out = Vec::new();
         for k in 0.. {
@@ -244,7 +244,7 @@ mod tests {
     }
 
     proptest! {
-        // The tables of a model take longer than such short maps.
+        // Building a model's tables takes longer than coding such short maps.
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
@@ -270,8 +270,8 @@ mod tests {
             }
         }
 
-        /// Damage of a file is found by its hash; where the hash is made to fit, nothing panics, and what is refused
-        /// says why.
+        /// Damage to a file is found by its hash. Where the hash is made to fit the damage, nothing panics, and a
+        /// refusal gives its reason.
         #[test]
         fn damage_is_refused(at in 0usize..4000, bit in 0u8..8, cut in 0usize..4000) {
             let whole = coded(&[map(3000, 1), map(3000, 2), map(3000, 3)]).to_bytes();
@@ -282,7 +282,7 @@ mod tests {
             prop_assert!(CodedMaps::from_bytes(&whole[..cut % whole.len()]).is_err());
             for mut made in [&damaged[..damaged.len() - HASH], &whole[..cut % (whole.len() - HASH)]] {
                 if let Ok(maps) = CodedMaps::parse(&mut made) {
-                    // The count of receivers may be damaged too.
+                    // The number of receivers may be damaged too.
                     let mut map = vec![0; maps.receivers().min(4000)];
                     (0..3).for_each(|k| drop(maps.decode(k, &mut map)));
                 }
@@ -292,8 +292,8 @@ mod tests {
         }
     }
 
-    /// Of a map's own bytes a changed bit is nearly always found even without the hash: the state does not end where it
-    /// began.
+    /// Even without the hash, a changed bit in a map's own bytes is nearly always found: the state does not return to
+    /// its initial value.
     #[test]
     fn a_map_that_is_damaged_does_not_end_where_it_should() {
         let there = coded(&[map(3000, 2), map(3000, 3)]);

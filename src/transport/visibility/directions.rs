@@ -1,10 +1,10 @@
-//! Which directions of a light have a map, and how maps are mixed for a light that stands between them.
+//! The directions of a light that have a map, and the mixture of maps for a light between them.
 
 use super::entropy::take;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 
-/// Directions towards a light, each of which has a map.
+/// Directions towards a light. Each has a map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Directions {
     kind: Kind,
@@ -13,21 +13,21 @@ pub struct Directions {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Kind {
-    /// A path along which the light moves; a single direction is the shortest.
+    /// A path along which the light moves. A single direction is the shortest path.
     Arc,
-    /// The texels of a cube map whose sine of elevation is at least `lowest`; `slot` says where each texel stands in
+    /// The texels of a cube map whose sine of elevation is at least `lowest`. `slot` gives the place of each texel in
     /// the list.
     Cube { side: usize, lowest: f64, slot: Vec<Option<u32>> },
 }
 
-/// Maps and their shares, which sum to 1: those around a direction.
+/// The maps around a direction, with their shares, which sum to 1.
 pub type Blend = Vec<(usize, f64)>;
 
 /// Largest side of a cube map.
 const MOST_SIDE: usize = 256;
 
 impl Directions {
-    /// A light that stands still.
+    /// The direction of a light that does not move.
     ///
     /// # Errors
     /// [`Error::Usage`] for a direction that is not finite or has no length.
@@ -35,11 +35,11 @@ impl Directions {
         Directions::arc(&[direction])
     }
 
-    /// A light that moves from one direction to the next, such as the sun in a day. The closer they are, the nearer the
-    /// mixture comes to the true map between them.
+    /// A light that moves from one direction to the next, such as the sun during a day. The closer the directions are,
+    /// the nearer a mixture is to the true map between them.
     ///
     /// # Errors
-    /// [`Error::Usage`] for none, or one that is not finite or has no length.
+    /// [`Error::Usage`] for an empty path, or a direction that is not finite or has no length.
     pub fn arc(path: &[DVec3]) -> Result<Directions> {
         if path.is_empty() || path.iter().any(|d| !d.is_finite() || d.try_normalize().is_none()) {
             return Err(Error::Usage("visibility: expected directions that are finite and not zero".into()));
@@ -47,9 +47,9 @@ impl Directions {
         Ok(Directions { kind: Kind::Arc, list: path.iter().map(|d| d.normalize()).collect() })
     }
 
-    /// The centres of a cube map's `side` · `side` · 6 texels (the source has a side of 32), those whose sine of
-    /// elevation is at least `lowest`: −1 keeps all. A sun that never sinks below the horizon needs those above minus a
-    /// texel's width (2.2 / `side`).
+    /// The centres of the `side` · `side` · 6 texels of a cube map (the source has a side of 32) whose sine of
+    /// elevation is at least `lowest`; −1 keeps all. A sun that never sets needs those above minus the width of a texel
+    /// (2.2 / `side`).
     ///
     /// # Errors
     /// [`Error::Usage`] for a side of 0 or above 256, or where no texel is kept.
@@ -73,12 +73,12 @@ impl Directions {
         Ok(Directions { kind: Kind::Cube { side, lowest, slot }, list })
     }
 
-    /// How many there are.
+    /// Number of directions.
     pub fn len(&self) -> usize {
         self.list.len()
     }
 
-    /// Never: there is a direction at least.
+    /// Always false, because there is at least one direction.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
@@ -88,11 +88,11 @@ impl Directions {
         &self.list
     }
 
-    /// The maps around a light in direction `light` (of any length above 0), at most three, and their shares, which
-    /// change continuously as it moves and sum to 1. Empty where a cube keeps none of them.
+    /// The maps around a light in the direction `light` (of any length above 0), at most three, and their shares. The
+    /// shares change continuously as the light moves, and sum to 1. Empty where a cube keeps none of these maps.
     ///
-    /// On a path the light is taken to the nearest point of it. On a cube map the texels' centres divide the sphere
-    /// into triangles, and the shares are those of the corners around the light.
+    /// On a path, the light is moved to the nearest point of the path. On a cube map, the texels' centres divide the
+    /// sphere into triangles, and the shares belong to the corners of the triangle around the light.
     pub fn blend(&self, light: DVec3) -> Blend {
         let light = light.normalize_or(DVec3::Z);
         match &self.kind {
@@ -109,7 +109,7 @@ impl Directions {
         }
     }
 
-    /// As bytes, for a file.
+    /// Appends the directions as bytes, for a file.
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         match &self.kind {
             Kind::Arc => {
@@ -125,7 +125,7 @@ impl Directions {
         }
     }
 
-    /// What [`Directions::write`] wrote, from the beginning of `bytes`, which it takes away.
+    /// Reads the bytes of [`Directions::write`] from the beginning of `bytes`, and removes them.
     pub(super) fn read(bytes: &mut &[u8]) -> std::result::Result<Directions, String> {
         let [kind] = take(bytes)?;
         let count = u32::from_le_bytes(take(bytes)?) as usize;
@@ -135,7 +135,7 @@ impl Directions {
                 let mut number = || take(bytes).map(f64::from_le_bytes);
                 let list = (0..count).map(|_| Ok(DVec3::new(number()?, number()?, number()?)));
                 let list = list.collect::<std::result::Result<Vec<_>, String>>()?;
-                // As they are: normalising them again might change a bit.
+                // The stored vectors are used unchanged, because normalising them again might change a bit.
                 Directions::arc(&list).map(|arc| Directions { list, ..arc })
             }
             1 => Directions::cube(count, f64::from_le_bytes(take(bytes)?)),
@@ -145,9 +145,10 @@ impl Directions {
     }
 }
 
-/// The two of a path's directions that a light is between, or the nearer end.
+/// The two directions of a path that a light is between, or the nearer end.
 fn along(path: &[DVec3], light: DVec3) -> Blend {
-    // A path may cross itself, or go back along itself: what it holds is not to be looked for between others.
+    // A path may cross itself or return along itself. So a direction that the path contains is found first, before any
+    // pair.
     if let Some(k) = path.iter().position(|d| d.dot(light) > 1.0 - 1e-12) {
         return vec![(k, 1.0)];
     }
@@ -155,7 +156,7 @@ fn along(path: &[DVec3], light: DVec3) -> Blend {
     for (k, pair) in path.windows(2).enumerate() {
         let (a, b) = (pair[0], pair[1]);
         let angle = a.angle_between(b);
-        // Of the great circle through both: how far from a the light's nearest point is.
+        // On the great circle through a and b, the angle from a to the light's nearest point.
         let across = (b - a * a.dot(b)).normalize_or_zero();
         let t = light.dot(across).atan2(light.dot(a)).clamp(0.0, angle);
         let near = light.dot(a * t.cos() + across * t.sin());
@@ -168,7 +169,7 @@ fn along(path: &[DVec3], light: DVec3) -> Blend {
     best.1
 }
 
-/// The direction of a place on a face of the cube, in texels from its first one's centre.
+/// The direction of a place on a face of the cube. The place is in texels, counted from the centre of the first one.
 pub(crate) fn on_face(face: usize, [i, j]: [f64; 2], side: usize) -> DVec3 {
     let at = |k: f64| (2.0 * k + 1.0) / side as f64 - 1.0;
     let mut d = DVec3::ZERO;
@@ -183,7 +184,7 @@ fn centre(cell: usize, side: usize) -> DVec3 {
     on_face(cell / (side * side), [i, j], side).normalize()
 }
 
-/// The face that a direction goes through, and where.
+/// The face that a direction goes through, and the place on it.
 pub(crate) fn place(d: DVec3, side: usize) -> (usize, [f64; 2]) {
     let largest = d.abs().max_element();
     let axis = (0..3).find(|k| d[*k].abs() == largest).unwrap_or(2);
@@ -192,8 +193,8 @@ pub(crate) fn place(d: DVec3, side: usize) -> (usize, [f64; 2]) {
     (face, [texel((axis + 1) % 3), texel((axis + 2) % 3)])
 }
 
-/// The texel that lies at (i, j) of a face, or beside the face by one; `None` beside a corner of it, where there is
-/// none.
+/// The texel at (i, j) of a face, or one step beside the face. `None` beside a corner of the face, where there is no
+/// texel.
 fn cell(face: usize, [i, j]: [i64; 2], side: usize) -> Option<usize> {
     let range = 0..side as i64;
     let number = |face: usize, [i, j]: [i64; 2]| face * side * side + (j as usize) * side + i as usize;
@@ -209,14 +210,14 @@ fn cell(face: usize, [i, j]: [i64; 2], side: usize) -> Option<usize> {
 
 /// The corners of the triangle around a direction, and their shares.
 ///
-/// Four texels that meet make two triangles, divided from the one with the lowest number; three meet at each corner of
-/// the cube. Sides of triangles lie in planes through the middle, so that both of a side's triangles give its points
-/// the same shares.
+/// Four texels that meet form two triangles, which are divided from the texel with the lowest number. Three texels meet
+/// at each corner of the cube. Sides of triangles lie in planes through the cube's centre, so that both triangles of a
+/// side give the same shares to its points.
 fn around(side: usize, d: DVec3) -> Vec<(usize, f64)> {
     let (face, [x, y]) = place(d, side);
     let (i, j) = (x.floor() as i64, y.floor() as i64);
     let mut best = (f64::NEG_INFINITY, Vec::new());
-    // Beside the rim of a face sides are not parallel to the rows: the triangle may be the next one.
+    // Near the rim of a face, sides are not parallel to the rows, and the direction may be in the next triangle.
     for (i, j) in (-1..=1).flat_map(|dj| (-1..=1).map(move |di| (i + di, j + dj))) {
         let range = -1..side as i64;
         if !(range.contains(&i) && range.contains(&j)) {
@@ -257,8 +258,8 @@ mod tests {
         blend.iter().find(|(n, _)| *n == k).map_or(0.0, |(_, share)| *share)
     }
 
-    /// At a centre its map alone counts; everywhere shares are positive, sum to 1, belong to near directions and put
-    /// the light where it is.
+    /// At a centre only its own map counts. Everywhere, shares are positive, sum to 1, belong to near directions, and
+    /// have the light's direction as their mean.
     #[test]
     fn shares_are_those_of_the_nearest_around() {
         for side in [1, 2, 5, 32] {
@@ -277,7 +278,7 @@ mod tests {
         }
     }
 
-    /// A small step changes shares by little, across sides and corners of the cube too.
+    /// A small step changes shares by little, also across sides and across corners of the cube.
     #[test]
     fn shares_change_continuously() {
         let step = 1e-6;
@@ -304,7 +305,7 @@ mod tests {
         };
         close(arc.blend(at(13.0)), &[(0, 0.7), (1, 0.3)]);
         close(arc.blend(at(41.0)), &[(1, 0.3), (2, 0.7)]);
-        // Beside the path, and beyond its ends.
+        // Directions beside the path, and beyond its ends.
         close(arc.blend(at(35.0) + DVec3::Y * 0.1), &[(1, 0.5), (2, 0.5)]);
         close(arc.blend(at(-70.0)), &[(0, 1.0)]);
         close(arc.blend(at(77.0)), &[(2, 1.0)]);
@@ -313,7 +314,7 @@ mod tests {
         assert!(Directions::one(DVec3::NAN).is_err());
     }
 
-    /// A sun above the horizon has all maps around it, where those a texel below are kept.
+    /// A sun above the horizon has all maps around it if those down to one texel below the horizon are kept.
     #[test]
     fn what_lies_below_may_be_left_out() {
         let side = 16;
@@ -329,8 +330,8 @@ mod tests {
         assert!(Directions::cube(257, -1.0).is_err());
     }
 
-    /// A day at the equinox goes along a great circle, on which the scene's own sun stands too: each of its directions
-    /// has its own map all the same.
+    /// A day at the equinox follows a great circle, on which the scene's own sun also stands. Each direction of the
+    /// path still has its own map.
     #[test]
     fn a_path_that_goes_back_along_itself_has_every_direction_of_its_own() {
         let at = |hour: f64| {

@@ -1,27 +1,28 @@
-//! Runs in as few bits as their statistics ask for.
+//! Codes runs in as few bits as their statistics require.
 //!
-//! A run is two symbols: its value, and its length. How probable each is hangs on little: whether the runs before were
-//! dark, partly lit or lit (a penumbra lies between dark and lit, so that what comes next is half known), and for a
-//! length, between what the run lies. There are nine such situations for values and nine for lengths, each with a fixed
-//! table of probabilities that all maps share. Symbols are coded by an asymmetric numeral system (rANS: Duda 2013,
-//! §3; a state of 32 bits, probabilities in 4,096ths, 16 bits at a time), which comes within a thousandth of the
-//! entropy and is decoded by a look-up, a multiplication and a shift.
+//! A run has two symbols: its value and its length. Their probabilities depend on whether the previous runs were dark,
+//! partly lit or lit, because a penumbra lies between dark and lit. For a length, they depend on the classes of the run
+//! and of the run before. There are nine such situations for values and nine for lengths. Each has a fixed table of
+//! probabilities, which all maps share. Symbols are coded by an asymmetric numeral system (rANS: Duda 2013, §3), with a
+//! state of 32 bits, probabilities in units of 1/4,096, and 16 bits at a time. It needs at most a thousandth more than
+//! the entropy. Decoding takes a look-up, a multiplication and a shift.
 //!
-//! Lengths up to 16 are symbols of their own. Longer ones are put into half octaves, whose low bits follow as they are.
+//! Lengths up to 16 are symbols of their own. Longer ones are grouped into half octaves, whose low bits follow
+//! unchanged.
 
 use super::runs::runs;
 
-/// Bits of a probability.
+/// Number of bits of a probability.
 const BITS: u32 = 12;
 const TOTAL: u32 = 1 << BITS;
-/// The state lies between this and 2³².
+/// The state is at least this, and below 2³².
 const LOWEST: u32 = 1 << 16;
-/// Situations of values, and as many of lengths.
+/// Number of situations for values, which is also that for lengths.
 const SITUATIONS: usize = 9;
-/// Symbols of lengths: up to 2²⁷.
+/// Number of symbols for lengths, which go up to 2²⁷.
 const LENGTHS: usize = 16 + 2 * 23;
 
-/// Dark, lit, or partly lit.
+/// The class of a value: dark, lit, or partly lit.
 fn class(value: u8) -> usize {
     match value {
         0 => 0,
@@ -30,7 +31,7 @@ fn class(value: u8) -> usize {
     }
 }
 
-/// The values of the last two runs, as classes.
+/// The classes of the last two runs' values.
 #[derive(Debug, Clone, Copy)]
 struct Situation {
     last: usize,
@@ -53,7 +54,7 @@ impl Situation {
     }
 }
 
-/// Symbol, low bits and their number of a length ≥ 1.
+/// For a length of at least 1: its symbol, its low bits, and their number.
 fn length_symbol(length: usize) -> (u8, u32, u32) {
     if length <= 16 {
         return ((length - 1) as u8, 0, 0);
@@ -64,7 +65,7 @@ fn length_symbol(length: usize) -> (u8, u32, u32) {
     ((16 + 2 * (octave - 4) as usize + half) as u8, (length & ((1 << bits) - 1)) as u32, bits)
 }
 
-/// The least length of a symbol, and how many low bits follow.
+/// The least length of a symbol, and the number of low bits that follow.
 fn length_of(symbol: u8) -> (usize, u32) {
     if symbol < 16 {
         return (usize::from(symbol) + 1, 0);
@@ -74,7 +75,7 @@ fn length_of(symbol: u8) -> (usize, u32) {
     ((2 + half) << (octave - 1), octave - 1)
 }
 
-/// How often each symbol came in each situation.
+/// How often each symbol occurred in each situation.
 #[derive(Debug, Clone)]
 pub(super) struct Counts([[u64; 256]; 2 * SITUATIONS]);
 
@@ -95,12 +96,13 @@ impl Counts {
     }
 }
 
-/// Probabilities of all symbols in all situations.
+/// The probabilities of all symbols in all situations.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Model {
-    /// In 4,096ths, a table a situation; each sums to 4,096.
+    /// A table for each situation, in units of 1/4,096. Each table sums to 4,096.
     shares: Vec<[u16; 256]>,
-    /// What a state's low bits say, 4,096 a situation: share − 1, place within the share, and symbol.
+    /// The meaning of a state's low bits, 4,096 entries for each situation: share − 1, place within the share, and
+    /// symbol.
     slots: Vec<u32>,
 }
 
@@ -119,7 +121,7 @@ impl Model {
         Model { shares, slots }
     }
 
-    /// For each table how many symbols it has, then each with its share.
+    /// Appends, for each table, the number of its symbols and then each symbol with its share.
     pub fn write(&self, out: &mut Vec<u8>) {
         for table in &self.shares {
             let known = || table.iter().enumerate().filter(|(_, share)| **share > 0);
@@ -131,7 +133,7 @@ impl Model {
         }
     }
 
-    /// Reads what [`Model::write`] wrote from the beginning of `bytes`, which it takes away.
+    /// Reads the bytes of [`Model::write`] from the beginning of `bytes`, and removes them.
     pub fn read(bytes: &mut &[u8]) -> Result<Model, String> {
         let mut tables = Vec::with_capacity(2 * SITUATIONS);
         for situation in 0..2 * SITUATIONS {
@@ -152,7 +154,7 @@ impl Model {
         Ok(Model::of(tables))
     }
 
-    /// A map in few bytes. Every symbol of it must have been counted.
+    /// Codes a map. Every symbol of it must have been counted.
     pub fn encode(&self, map: &[u8]) -> Vec<u8> {
         let mut symbols = Vec::new();
         let mut now = START;
@@ -165,7 +167,7 @@ impl Model {
             }
             now = now.after(value);
         }
-        // What is written last is read first.
+        // rANS reads symbols in the opposite order in which they were written.
         let (mut state, mut words) = (LOWEST, Vec::new());
         for (start, share) in symbols.into_iter().rev() {
             if u64::from(state) >= u64::from(share) << (32 - BITS) {
@@ -179,14 +181,14 @@ impl Model {
         out
     }
 
-    /// Where a symbol's share begins, and how large it is.
+    /// The beginning and the size of a symbol's share.
     fn share(&self, situation: usize, symbol: u8) -> (u32, u32) {
         let table = &self.shares[situation];
         let before = table[..usize::from(symbol)].iter().map(|share| u32::from(*share)).sum();
         (before, u32::from(table[usize::from(symbol)]))
     }
 
-    /// The map that [`Model::encode`] coded, into `map`; what is wrong with the bytes otherwise.
+    /// Decodes the bytes of [`Model::encode`] into `map`. The error says what is wrong with the bytes.
     pub fn decode(&self, coded: &[u8], map: &mut [u8]) -> Result<(), String> {
         let mut reader = Reader::new(coded)?;
         let (mut now, mut at) = (START, 0);
@@ -206,7 +208,7 @@ impl Model {
     }
 }
 
-/// Low bits in pieces that a state can hold: the shift and number of each.
+/// Divides low bits into pieces that fit a state: the shift and the number of bits of each.
 fn parts(bits: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..bits).step_by(BITS as usize).map(move |shift| (shift, BITS.min(bits - shift)))
 }
@@ -234,7 +236,7 @@ impl<'a> Reader<'a> {
         Ok(slot as u8)
     }
 
-    /// As many bits as they are.
+    /// Reads bits that were stored unchanged.
     fn plain(&mut self, bits: u32) -> Result<usize, String> {
         let slot = self.state & (TOTAL - 1);
         let (part, at) = (slot >> (BITS - bits), slot & ((1 << (BITS - bits)) - 1));
@@ -252,7 +254,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Every byte was read, and the state is the one that the coder began with.
+    /// Checks that every byte was read, and that the state is the coder's initial one.
     fn end(self) -> Result<(), String> {
         if self.state == LOWEST && self.words.len() == 0 {
             Ok(())
@@ -262,14 +264,14 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The first bytes, which are taken away.
+/// Takes the first bytes, and removes them.
 pub(super) fn take<const N: usize>(bytes: &mut &[u8]) -> Result<[u8; N], String> {
     let (first, rest) = bytes.split_first_chunk().ok_or("it is cut off")?;
     *bytes = rest;
     Ok(*first)
 }
 
-/// Counts as shares that sum to 4,096; whatever was counted has one at least.
+/// Turns counts into shares that sum to 4,096. Each symbol that was counted has at least 1.
 fn shares(counts: &[u64; 256]) -> [u16; 256] {
     let all: u64 = counts.iter().sum();
     let mut out = [0; 256];
@@ -282,7 +284,8 @@ fn shares(counts: &[u64; 256]) -> [u16; 256] {
         *share = ((*count as f64 / all as f64 * f64::from(TOTAL)) as u16).max(1);
         left -= i64::from(*share);
     }
-    // What rounding left over, one by one to or from those whose code length it changes least: the largest.
+    // The remainder from rounding is added to or taken from the largest shares one by one, because their code lengths
+    // change least.
     while left != 0 {
         let largest = (0..256).fold(0, |a, b| if out[b] > out[a] { b } else { a });
         let step = left.clamp(-i64::from(out[largest] / 2), left.max(0));

@@ -1,4 +1,4 @@
-//! Things sorted into the cells of a rectangle.
+//! Sorts things into the cells of a rectangle.
 
 use glam::DVec2;
 use std::ops::{Range, RangeInclusive};
@@ -8,19 +8,19 @@ use std::ops::{Range, RangeInclusive};
 pub(super) struct Grid {
     low: DVec2,
     high: DVec2,
-    /// Cells a mm.
+    /// Number of cells for each mm.
     scale: DVec2,
     size: [usize; 2],
-    /// Where the things of each cell begin, and the end.
+    /// The beginning of each cell's things, and the end of the list.
     start: Vec<u32>,
 }
 
-/// A thing may on the whole lie in so many cells; where things are larger, cells are made larger.
+/// The largest mean number of cells for a thing. If things are larger, cells are made larger.
 const COPIES: usize = 24;
 
 impl Grid {
-    /// Sorts `count` things into about `cells` cells: `rectangle(k)` is what the k-th covers (none: nowhere),
-    /// `thing(k)` is what is stored for it, cell by cell, in `into`.
+    /// Sorts `count` things into about `cells` cells. `rectangle(k)` is the area of the k-th thing, or `None` if it is
+    /// nowhere. `thing(k)` is stored for it, cell by cell, in `into`.
     pub fn sort<T: Clone + Default>(
         &mut self,
         count: usize,
@@ -44,14 +44,14 @@ impl Grid {
             let Some([low, high]) = rectangle(k) else { continue };
             let thing = thing(k);
             for cell in self.numbers(low, high) {
-                // Filled from behind: what was the end of a cell becomes its beginning.
+                // Cells are filled from their ends. What was the end of a cell becomes its beginning.
                 self.start[cell] -= 1;
                 into[self.start[cell] as usize] = thing.clone();
             }
         }
     }
 
-    /// Lays cells, and sums up how many things end in each and before.
+    /// Chooses the cells, and sums up the number of things in each cell and all cells before it.
     fn count(&mut self, count: usize, cells: usize, rectangle: &impl Fn(usize) -> Option<[DVec2; 2]>) -> usize {
         let size = (self.high - self.low).max(DVec2::splat(1e-9));
         let side = (size.x * size.y / cells.max(1) as f64).sqrt();
@@ -70,13 +70,13 @@ impl Grid {
         sum as usize
     }
 
-    /// The things of the cell at a place; `None` beside everything.
+    /// The things in the cell at a place; `None` outside the rectangle.
     pub fn cell(&self, p: DVec2) -> Option<Range<usize>> {
         let inside = p.cmpge(self.low).all() && p.cmple(self.high).all();
         inside.then(|| self.things(self.place(p)))
     }
 
-    /// The cells that a rectangle comes to, columns and rows; one beside everything gets those at the rim.
+    /// The columns and rows of the cells that a rectangle touches. One that is outside gets those at the rim.
     pub fn cells(&self, low: DVec2, high: DVec2) -> [RangeInclusive<usize>; 2] {
         let ([i0, j0], [i1, j1]) = (self.place(low), self.place(high));
         [i0..=i1, j0..=j1]
@@ -94,7 +94,7 @@ impl Grid {
     /// Column and row of a place.
     pub fn place(&self, p: DVec2) -> [usize; 2] {
         let at = (p - self.low) * self.scale;
-        // Below zero becomes the first.
+        // Negative numbers become 0.
         [0, 1].map(|q| (at[q] as usize).min(self.size[q] - 1))
     }
 
@@ -132,7 +132,7 @@ mod tests {
         assert!(things.len() <= COPIES * 1000);
         grid.sort(0, 0, |_| None, &mut things, |k| k);
         assert!(grid.cell(DVec2::ZERO).is_none());
-        // All in one point.
+        // All things are at one point.
         grid.sort(9, 9, |_| Some([DVec2::ONE; 2]), &mut things, |k| k);
         assert!(!things[grid.cell(DVec2::ONE).unwrap()].is_empty());
     }

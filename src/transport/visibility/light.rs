@@ -1,4 +1,4 @@
-//! A small light far away, as points around its centre: the sun's disk, and any other shape.
+//! A small light far away, as points around its centre: the sun's disk, or any other shape.
 
 use crate::{Error, Result};
 use glam::{DMat3, DVec2, DVec3};
@@ -6,30 +6,30 @@ use std::f64::consts::PI;
 
 /// A light far away: points around its centre, each with its share of the irradiance on a surface that faces it.
 ///
-/// A point is the projection of its direction on the plane across the centre's: x level (from z × centre), y upwards,
-/// both in sines. A light straight up or down has x along the world's.
+/// A point is the projection of its direction on the plane across the centre's direction. Its x is level (from z ×
+/// centre) and its y is upwards, both as sines. A light straight above or below has its x along the world's x.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AreaLight {
     points: Vec<DVec2>,
-    /// Sum to 1.
+    /// Weights of the points, which sum to 1.
     weights: Vec<f64>,
-    /// All weights are alike.
+    /// Whether all weights are equal.
     even: bool,
     reach: f64,
 }
 
-/// Farthest that a point may be from the centre (a sine): the surface is taken to be alike in all directions of the
-/// light, which has to be small.
+/// Largest distance of a point from the centre (a sine). The light must be small, because a surface is assumed to
+/// respond equally to all of its directions.
 const WIDEST: f64 = 0.5;
-/// Most points of a light.
+/// The largest number of points in a light.
 pub const MOST_POINTS: usize = 65_536;
 
 impl AreaLight {
     /// Points with their weights, which are scaled to sum to 1.
     ///
     /// # Errors
-    /// [`Error::Usage`] for none or more than [`MOST_POINTS`], a point farther than a sine of ½ from the centre, a
-    /// weight below 0 or not finite, or no weight at all.
+    /// [`Error::Usage`] for no points or more than [`MOST_POINTS`], a point whose sine from the centre is above ½, a
+    /// weight that is negative or not finite, or weights that are all 0.
     pub fn new(points: &[(DVec2, f64)]) -> Result<AreaLight> {
         let bad = |what: String| Err(Error::Usage(format!("light: {what}")));
         if points.is_empty() || points.len() > MOST_POINTS {
@@ -50,8 +50,8 @@ impl AreaLight {
         })
     }
 
-    /// A disk of even radiance and of `radius` (rad), by `count` points on a sunflower's spiral (Vogel 1979), each of
-    /// which stands for the same area. A disk without extent is a single point.
+    /// A disk of uniform radiance with this `radius` (rad), by `count` points on a sunflower's spiral (Vogel 1979).
+    /// Each represents the same area. A disk without extent is a single point.
     ///
     /// # Errors
     /// As [`AreaLight::new`].
@@ -79,7 +79,8 @@ impl AreaLight {
         AreaLight::new(&(0..count.min(MOST_POINTS + 1)).map(on_spiral).collect::<Vec<_>>())
     }
 
-    /// A simple polygon of even radiance with these corners (sines, either way round), by about `count` points.
+    /// A simple polygon of uniform radiance with these corners (sines, in either order of rotation), by about `count`
+    /// points.
     ///
     /// # Errors
     /// As [`AreaLight::new`].
@@ -95,12 +96,12 @@ impl AreaLight {
             corners.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
         let area = 0.5 * sides().map(|(a, b)| a.perp_dot(*b)).sum::<f64>().abs();
         let size = high - low;
-        // As many in the box around it that about `count` fall inside.
+        // The number of points in the box around it of which about `count` are inside.
         let tries = (count as f64 * size.x * size.y / area).ceil();
         if !(area > 0.0 && tries <= 16.0 * MOST_POINTS as f64) {
             return Err(Error::Usage("light: a polygon without area".into()));
         }
-        // A sequence with steps of 1/g and 1/g², g³ = g + 1, fills a square evenly (Roberts 2018).
+        // A sequence with steps of 1/g and 1/g², where g³ = g + 1, fills a square evenly (Roberts 2018).
         let g = 1.324_717_957_244_746;
         let at = |k: usize| {
             let step = DVec2::new(1.0 / g, 1.0 / (g * g)) * (k as f64 + 0.5);
@@ -110,8 +111,8 @@ impl AreaLight {
         AreaLight::new(&points)
     }
 
-    /// A picture of a light's radiance: `rows` of equal length, row 0 on top, as wide as `width` (a sine); a point a
-    /// texel that is not black.
+    /// A light from a picture of its radiance: `rows` of equal length, row 0 on top, with the total width `width` (a
+    /// sine). Each texel that is not black becomes a point.
     ///
     /// # Errors
     /// As [`AreaLight::new`].
@@ -130,12 +131,12 @@ impl AreaLight {
         AreaLight::new(&texels.filter(|(.., v)| *v != 0.0).map(|(i, j, v)| (place(i, j), v)).collect::<Vec<_>>())
     }
 
-    /// How many points it has.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Never: a light has a point at least.
+    /// Always false, because a light has at least one point.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
@@ -161,7 +162,7 @@ impl AreaLight {
         p.extend((1.0 - p.length_squared()).sqrt())
     }
 
-    /// The share of the light that is left, as a byte: 255 · (1 − what the points whose bits are set have).
+    /// The share of the light that is visible, as a byte: 255 · (1 − the share of the points whose bits are set).
     pub(super) fn left(&self, hidden: &[u64]) -> u8 {
         let share = if self.even {
             let rest = (64 - self.points.len() % 64) % 64;
@@ -175,13 +176,13 @@ impl AreaLight {
         (255.0 * share).round().clamp(0.0, 255.0) as u8
     }
 
-    /// Weight of every point.
+    /// The weight of each point.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 }
 
-/// Across, up and towards the centre of a light in `direction` (of any length above 0), as columns.
+/// Unit vectors across, up and towards the centre of a light in `direction` (of any length above 0), as columns.
 pub(crate) fn frame(direction: DVec3) -> DMat3 {
     let d = direction.normalize_or(DVec3::Z);
     let level = DVec3::Z.cross(d);
@@ -193,15 +194,15 @@ pub(crate) fn frame(direction: DVec3) -> DMat3 {
 mod tests {
     use super::*;
 
-    /// Share of the points on one side of a straight edge at distance `t` from the centre, the edge's normal at
-    /// `angle`.
+    /// The share of the points on one side of a straight edge at distance `t` from the centre. `angle` is that of the
+    /// edge's normal.
     fn beyond(light: &AreaLight, angle: f64, t: f64) -> f64 {
         let normal = DVec2::from_angle(angle);
         light.points.iter().zip(&light.weights).filter(|(p, _)| p.dot(normal) > t).map(|(_, w)| w).sum()
     }
 
-    /// A straight edge cuts a segment off a disk, whose area is known; the error falls faster than 1/√N, as it would at
-    /// random.
+    /// A straight edge cuts a segment off a disk, whose area is known. The error decreases faster than 1/√N, which
+    /// random points would give.
     #[test]
     fn a_disk_s_points_divide_it_as_area_does() {
         let radius = 0.00465f64;

@@ -10,28 +10,29 @@ use glam::{DMat3, DVec3};
 use mesophyll_files::progress::{Bar, go_on};
 use rayon::prelude::*;
 
-/// A scene that throws shadows on its receivers.
+/// A scene that casts shadows on its receivers.
 pub struct Shadows<'a> {
     stage: Stage<'a>,
     receivers: &'a Receivers,
     light: &'a AreaLight,
 }
 
-/// Receivers that a thread does in one go.
+/// Number of receivers in a thread's unit of work.
 const PIECE: usize = 1024;
 
 impl<'a> Shadows<'a> {
-    /// `receivers` must have been made for this world.
+    /// Prepares a scene. `receivers` must have been made for this world.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] for a world that is not sound.
+    /// [`crate::Error::Input`] for a world that contradicts itself.
     pub fn new(world: &'a World, receivers: &'a Receivers, light: &'a AreaLight) -> Result<Shadows<'a>> {
         world.validate()?;
         Ok(Shadows { stage: Stage::new(world), receivers, light })
     }
 
-    /// The map of each direction (towards the light's centre; of any length above 0), in order: a byte a receiver, 255
-    /// times the visible share, rounded. `take` gets its number and the map. Ctrl-C stops it between two maps.
+    /// Computes the map of each direction (towards the light's centre; of any length above 0) in order: a byte for each
+    /// receiver, 255 times the visible share, rounded. `take` gets its number and the map. Ctrl-C stops it between two
+    /// maps.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`] after Ctrl-C; those of `take`.
@@ -47,8 +48,8 @@ impl<'a> Shadows<'a> {
         })
     }
 
-    /// The map of each direction that the iterator gives, until it gives none, without a bar: for a light that moves
-    /// freely. `take` gets the direction and its map.
+    /// Computes the map of each direction that the iterator returns, until it ends, for a light that moves freely.
+    /// There is no progress bar. `take` gets the direction and its map.
     ///
     /// # Errors
     /// Those of `take`.
@@ -61,7 +62,7 @@ impl<'a> Shadows<'a> {
         let mut map = vec![0; self.receivers.len()];
         for direction in directions {
             if self.stage.world.periodic.is_some() {
-                // Where the scene repeats, light is followed from cell to cell.
+                // In a scene that repeats, rays follow the light from cell to cell.
                 map = self.by_rays(direction);
             } else {
                 casters.look_from(direction);
@@ -81,7 +82,7 @@ impl<'a> Shadows<'a> {
             if centre.abs() > self.light.reach() || normal == DVec3::ZERO {
                 return;
             }
-            // The blade's own plane cuts the light: its points beyond are left to on the other side.
+            // The blade's own plane divides the light. The points behind it are seen from the other side of the blade.
             let mut beyond = vec![0; words];
             casters.hide(self.stage.leave(point, normal, -from.z_axis).origin, &mut beyond);
             for (k, l) in points.iter().enumerate() {
@@ -92,7 +93,8 @@ impl<'a> Shadows<'a> {
         });
     }
 
-    /// The map of a direction, by a ray to every point of the light: slow, and what the fast way is held against.
+    /// The map of a direction by a ray to every point of the light. It is slow, and serves as the reference for the
+    /// fast method.
     pub fn by_rays(&self, direction: DVec3) -> Vec<u8> {
         let (from, words) = (frame(direction), self.light.len().div_ceil(64));
         let mut map = vec![0; self.receivers.len()];
@@ -107,7 +109,7 @@ impl<'a> Shadows<'a> {
         }
     }
 
-    /// Fills a map; `hide` sets the bits of the light's points that are hidden from a point with a normal.
+    /// Fills a map. `hide` sets the bits of the light's points that are hidden from a point with a normal.
     fn each(&self, map: &mut [u8], words: usize, hide: impl Fn(DVec3, DVec3, &mut [u64]) + Sync) {
         let points = self.receivers.positions().par_chunks(PIECE).zip(self.receivers.normals().par_chunks(PIECE));
         map.par_chunks_mut(PIECE).zip(points).for_each(|(map, (points, normals))| {

@@ -1,16 +1,17 @@
-//! Sharp sunlight among leaves: which share of a small light's disk every vertex of a scene sees, for many directions
-//! of the light, computed beforehand (light-visibility convolution: Wang et al. 2005, §4, Eq. 10–11, Fig. 5).
+//! Sharp sunlight among leaves: the share of a small light's disk that each vertex of a scene sees, computed beforehand
+//! for many directions of the light (light-visibility convolution: Wang et al. 2005, §4, Eq. 10–11, Fig. 5).
 //!
-//! [`Receivers`] are the points: vertices of every instance's blade, which may be finer than the drawn mesh.
+//! [`Receivers`] are the points: the vertices of every instance's blade, which may be finer than the drawn mesh.
 //! [`AreaLight`] is the light: the sun's true disk, or any other small shape. [`Shadows`] computes the map of a
-//! direction: a byte a receiver, 255 where all of the light is seen. Light from below counts as light from above does
-//! (the source keeps the upper hemisphere only): a leaf lets light through, and whichever side is lit, the blade does
-//! not hide itself at the point itself.
+//! direction: a byte for each receiver, 255 where all of the light is visible. Light from below counts like light from
+//! above (the source keeps the upper hemisphere only). Leaves transmit light, and a blade does not hide light from its
+//! own points, whichever side is lit.
 //!
-//! [`CodedMaps`] keeps the maps of all [`Directions`] in few bytes: those of a cube map, of a day's path, or of one
-//! direction. Any one is decoded by itself, and a light between directions gets the maps around it, mixed.
+//! [`CodedMaps`] stores the maps of all [`Directions`] in few bytes. These are the directions of a cube map, of a day's
+//! path, or a single one. Each map can be decoded by itself. A light between directions gets a mixture of the maps
+//! around it.
 //!
-//! The cosine is not in a map: it is the renderer's, where the shading normal is known.
+//! A map does not contain the cosine, because only the renderer knows the shading normal.
 
 mod cast;
 mod coded;

@@ -1,4 +1,4 @@
-//! The points at which visibility is wanted: the vertices of every instance.
+//! The points at which visibility is computed: the vertices of every instance.
 
 use super::refine::{Blade, refine};
 use crate::world::World;
@@ -7,50 +7,51 @@ use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
 
-/// Where a vertex of a blade lies on the drawn mesh: up to three of its vertices, whose weights sum to 1.
+/// The place of a blade's vertex on the drawn mesh: up to three of its vertices, with weights that sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Vertices of the drawn mesh; one triangle's. Those of no weight repeat the first.
+    /// Vertices of one triangle of the drawn mesh. Those with weight 0 repeat the first one.
     pub corners: [u32; 3],
     /// Their weights.
     pub weights: [f64; 3],
 }
 
-/// A point at which visibility is wanted.
+/// A point at which visibility is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Receiver {
-    /// Which instance of the world.
+    /// Index of the instance in the world.
     pub instance: usize,
-    /// Which vertex of the instance's blade ([`Receivers::blades`]).
+    /// Index of the vertex in the instance's blade ([`Receivers::blades`]).
     pub vertex: usize,
-    /// In the world (mm).
+    /// Place in the world (mm).
     pub position: DVec3,
     /// Mean normal of the triangles around it, weighted by area, out of their fronts; zero where they have no area.
     pub normal: DVec3,
 }
 
-/// All points at which visibility is wanted, instance by instance, each in the order of its blade's vertices.
+/// All points at which visibility is computed. Instances follow each other, and each has the order of its blade's
+/// vertices.
 #[derive(Debug, Clone)]
 pub struct Receivers {
-    /// The mesh of each leaf of the world: what is drawn where visibility is to be interpolated.
+    /// The mesh of each leaf of the world. It is drawn where visibility is interpolated.
     pub blades: Vec<Blade>,
-    /// The first of each instance, and at the end how many there are.
+    /// Index of the first receiver of each instance, and at the end the number of all.
     first: Vec<usize>,
-    /// Which leaf each instance shows.
+    /// Index of the leaf of each instance.
     leaf: Vec<usize>,
     positions: Vec<DVec3>,
     normals: Vec<DVec3>,
 }
 
-/// Most receivers of a world.
+/// The largest number of receivers of a world.
 pub const MOST_RECEIVERS: usize = 100_000_000;
 
 impl Receivers {
-    /// The vertices of all instances, the edges of leaf k at most `edge_mm[k]` long in its own lengths (infinite, or no
-    /// entry: as drawn). What a leaf's outline cuts away has none.
+    /// The vertices of all instances. Edges of leaf k are at most `edge_mm[k]` long in its own lengths; if this is
+    /// infinite or missing, they stay as drawn. Parts that a leaf's outline cuts away have no receivers.
     ///
     /// # Errors
-    /// [`Error::Input`] for a world that is not sound, a leaf of discs, or more than [`MOST_RECEIVERS`].
+    /// [`Error::Input`] for a world that contradicts itself, a leaf of discs, or more than [`MOST_RECEIVERS`].
     pub fn new(world: &World, edge_mm: &[f64]) -> Result<Receivers> {
         world.validate()?;
         let edge = |k: usize| edge_mm.get(k).copied().unwrap_or(f64::INFINITY);
@@ -72,24 +73,24 @@ impl Receivers {
         for placed in &world.instances {
             let turn = placed.transform;
             out.positions.extend(out.blades[placed.leaf].mesh.positions.iter().map(|p| turn.transform_point3(*p)));
-            // A uniform scale, which may mirror, turns normals as it turns lengths.
+            // The scale is uniform and may mirror, so normals turn like directions.
             out.normals.extend(flat[placed.leaf].iter().map(|n| turn.transform_vector3(*n).normalize_or_zero()));
             out.first.push(out.positions.len());
         }
         Ok(out)
     }
 
-    /// How many there are.
+    /// Number of receivers.
     pub fn len(&self) -> usize {
         self.positions.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
-    /// Those of one instance: vertex v of its blade is the (start + v)-th of all.
+    /// The range of one instance's receivers: vertex v of its blade is number start + v.
     pub fn of(&self, instance: usize) -> Range<usize> {
         self.first[instance]..self.first[instance + 1]
     }
@@ -99,13 +100,13 @@ impl Receivers {
         &self.blades[self.leaf[instance]]
     }
 
-    /// The `k`-th of all.
+    /// The receiver with the number `k`.
     pub fn get(&self, k: usize) -> Receiver {
         let instance = self.first.partition_point(|first| *first <= k) - 1;
         Receiver { instance, vertex: k - self.first[instance], position: self.positions[k], normal: self.normals[k] }
     }
 
-    /// Where each is (mm), in order.
+    /// Place of each receiver (mm), in order.
     pub fn positions(&self) -> &[DVec3] {
         &self.positions
     }

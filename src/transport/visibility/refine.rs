@@ -1,8 +1,8 @@
-//! The mesh at whose vertices visibility is kept: the drawn one with its long edges halved, without what the outline
-//! cuts away, and in an order that lies along the surface.
+//! The mesh at whose vertices visibility is stored. It is the drawn mesh with its long edges halved, without the parts
+//! that the outline cuts away, and with its vertices in an order that follows the surface.
 //!
-//! Halving takes an edge as a whole, so that both of its triangles get the same new vertex and no gap opens between
-//! them. New vertices lie on the flat triangles of the drawn mesh: the surface stays the same.
+//! An edge is halved for both of its triangles together. They get the same new vertex, and no gap opens between them.
+//! New vertices lie on the flat triangles of the drawn mesh, so the surface stays the same.
 
 use super::Place;
 use crate::world::{ReferenceLeaf, ReferenceMesh};
@@ -11,16 +11,16 @@ use glam::{DVec2, DVec3, DVec4};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// A leaf's mesh as visibility is kept on it.
+/// A leaf's mesh for visibility.
 #[derive(Debug, Clone)]
 pub struct Blade {
-    /// Its vertices in the order along the surface; normals, tangents and texture coordinates are interpolated.
+    /// The vertices in the order that follows the surface. Normals, tangents and texture coordinates are interpolated.
     pub mesh: ReferenceMesh,
-    /// Where each vertex lies on the drawn mesh.
+    /// The place of each vertex on the drawn mesh.
     pub places: Vec<Place>,
 }
 
-/// Most vertices of one blade.
+/// The largest number of vertices of one blade.
 const MOST_VERTICES: usize = 20_000_000;
 
 /// A vertex of the drawn mesh itself.
@@ -29,7 +29,7 @@ fn corner(k: u32) -> Place {
 }
 
 impl Place {
-    /// Half way between two places on one triangle of the drawn mesh.
+    /// The middle between two places on one triangle of the drawn mesh.
     fn middle(&self, other: &Place) -> Place {
         let mut sum: Vec<(u32, f64)> = Vec::with_capacity(6);
         for (k, w) in self.corners.iter().zip(self.weights).chain(other.corners.iter().zip(other.weights)) {
@@ -47,17 +47,18 @@ impl Place {
         out
     }
 
-    /// What the corners have, weighted.
+    /// The weighted mean of the corners' values.
     fn mix<T: Copy + std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>>(&self, of: &[T]) -> T {
         let [a, b, c] = [0, 1, 2].map(|q| of[self.corners[q] as usize] * self.weights[q]);
         a + b + c
     }
 }
 
-/// The drawn mesh of a leaf, its edges at most `edge_mm` long (in the leaf's own lengths; infinite: as drawn).
+/// Refines the drawn mesh of a leaf until its edges are at most `edge_mm` long in the leaf's own lengths. If this is
+/// infinite, they stay as drawn.
 ///
 /// # Errors
-/// [`Error::Input`] that names leaf `number` where it is made of discs, or would have more than 20 million vertices.
+/// [`Error::Input`] that names leaf `number`, where it is made of discs or would have more than 20 million vertices.
 pub(super) fn refine(leaf: &ReferenceLeaf, edge_mm: f64, number: usize) -> Result<Blade> {
     let mesh = &leaf.mesh;
     let bad = |what: String| Error::input(Path::new("visibility"), format!("leaf {number}: {what}"));
@@ -70,7 +71,8 @@ pub(super) fn refine(leaf: &ReferenceLeaf, edge_mm: f64, number: usize) -> Resul
     let corners = |t: &[u32]| [0, 1, 2].map(|k| mesh.positions[t[k] as usize]);
     let area: f64 =
         mesh.indices.chunks_exact(3).map(corners).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
-    // A triangle with such edges has at most √3/4 of their square, and there are hardly two of them a vertex.
+    // A triangle with such edges has at most √3/4 of their square as its area, and there are hardly two triangles for
+    // each vertex.
     if area / (0.866 * edge_mm * edge_mm) > MOST_VERTICES as f64 {
         return Err(bad(format!("edges of {edge_mm} mm need more than {MOST_VERTICES} vertices")));
     }
@@ -108,10 +110,10 @@ fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]]
 }
 
-/// A triangle with new vertices in the middle of some edges, as one to four triangles wound the same way.
+/// Divides a triangle with new vertices in the middle of some edges into one to four triangles with the same winding.
 fn split(t: [u32; 3], middles: &HashMap<[u32; 2], u32>, positions: &[DVec3]) -> Vec<[u32; 3]> {
     let of = edges(t).map(|[a, b]| middles.get(&[a.min(b), a.max(b)]).copied());
-    // Turned so that the first edge is halved, and with two the last one is not.
+    // The triangle is rotated so that its first edge is halved and, if two edges are, its last one is not.
     let turned = |by: usize| ([0, 1, 2].map(|k| t[(k + by) % 3]), [0, 1, 2].map(|k| of[(k + by) % 3]));
     let count = of.iter().flatten().count();
     let first = (0..3).find(|k| of[*k].is_some() && (count != 2 || of[(k + 2) % 3].is_none())).unwrap_or(0);
@@ -119,7 +121,7 @@ fn split(t: [u32; 3], middles: &HashMap<[u32; 2], u32>, positions: &[DVec3]) -> 
         ([a, b, c], [Some(ab), Some(bc), Some(ca)]) => vec![[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]],
         ([a, b, c], [Some(ab), Some(bc), None]) => {
             let length = |i: u32, j: u32| positions[i as usize].distance_squared(positions[j as usize]);
-            // Of the quadrangle's diagonals the shorter one.
+            // The shorter diagonal of the quadrangle is used.
             if length(a, bc) < length(ab, c) {
                 vec![[ab, b, bc], [a, ab, bc], [a, bc, c]]
             } else {
@@ -134,16 +136,16 @@ fn split(t: [u32; 3], middles: &HashMap<[u32; 2], u32>, positions: &[DVec3]) -> 
 /// How much of a triangle is on the leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outline {
-    /// Nothing.
+    /// No part.
     Off,
-    /// Perhaps a part.
+    /// Perhaps a part of it.
     Part,
-    /// All.
+    /// All of it.
     On,
 }
 
-/// By the texels around a triangle, given by its corners' texture coordinates: the outline is bilinear, so that it is
-/// on (or off) where all four texels around are.
+/// Classifies a triangle, given by its corners' texture coordinates, by the texels around it. The outline is bilinear,
+/// so a place is on (or off) where all four texels around it are.
 pub(super) fn outline(leaf: &ReferenceLeaf, [a, b, c]: [DVec2; 3]) -> Outline {
     let Some(mask) = &leaf.mask else { return Outline::On };
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
@@ -163,7 +165,7 @@ pub(super) fn outline(leaf: &ReferenceLeaf, [a, b, c]: [DVec2; 3]) -> Outline {
     }
 }
 
-/// Vertices that a triangle has, along a space-filling curve, with all that the drawn mesh says of them.
+/// The vertices that triangles use, along a space-filling curve, with all values of the drawn mesh.
 fn ordered(mesh: &ReferenceMesh, places: &[Place], triangles: &[[u32; 3]]) -> Blade {
     let uvs: Vec<DVec2> = places.iter().map(|p| p.mix(&mesh.uvs)).collect();
     let positions: Vec<DVec3> = places.iter().map(|p| p.mix(&mesh.positions)).collect();
@@ -200,7 +202,7 @@ fn ordered(mesh: &ReferenceMesh, places: &[Place], triangles: &[[u32; 3]]) -> Bl
     }
 }
 
-/// How many mm a unit of u and of v is long, on the whole: the curve runs on the leaf and not on its maps.
+/// Mean length in mm of a unit of u and of v. With it, the curve follows the leaf and not its maps.
 fn stretch(positions: &[DVec3], uvs: &[DVec2], triangles: &[[u32; 3]]) -> DVec2 {
     let (mut along, mut square) = (DVec2::ZERO, DVec2::ZERO);
     for [a, b] in triangles.iter().flat_map(|t| edges(*t)) {
@@ -212,7 +214,7 @@ fn stretch(positions: &[DVec3], uvs: &[DVec2], triangles: &[[u32; 3]]) -> DVec2 
     DVec2::new(along.x / square.x.max(1e-300), along.y / square.y.max(1e-300))
 }
 
-/// How far along Hilbert's curve a cell of a 65,536² grid lies (the well-known loop over its bits; Warren 2013, §16).
+/// The place of a cell of a 65,536² grid along Hilbert's curve (the well-known loop over its bits; Warren 2013, §16).
 fn hilbert([mut x, mut y]: [u32; 2]) -> u32 {
     let mut along = 0;
     for bit in (0..16).rev() {
@@ -240,11 +242,11 @@ mod tests {
         mesh.indices.chunks_exact(3).map(|t| 0.5 * twice(corner(t))).sum()
     }
 
-    /// Every edge inside the sheet has two triangles, wound against each other, and no vertex lies on another's edge.
+    /// Every edge inside the sheet has two triangles with opposite directions, and no vertex lies on another's edge.
     #[test]
     fn halved_edges_stay_shared_and_the_area_stays() {
         let mut drawn = grid(40.0, 30.0, 3, 2);
-        // An odd one among them.
+        // One vertex is moved to make edges unequal.
         drawn.positions[5] += DVec3::new(3.0, -2.0, 0.0);
         let whole = area(&drawn);
         for edge in [100.0, 9.0, 4.0, 1.3] {
@@ -258,7 +260,7 @@ mod tests {
                 .filter(|[a, b]| !all.contains(&[*b, *a]))
                 .map(|[a, b]| mesh.positions[*a as usize].distance(mesh.positions[*b as usize]))
                 .sum();
-            // A gap would add its two banks to the rim.
+            // A gap would add both of its sides to the rim.
             assert!((rim - 140.0).abs() < 1e-9, "{edge}: rim of {rim}");
             let longest = all.iter().map(|[a, b]| mesh.positions[*a as usize].distance(mesh.positions[*b as usize]));
             assert!(longest.fold(0.0, f64::max) <= edge);
@@ -269,7 +271,7 @@ mod tests {
         }
     }
 
-    /// The curve goes from cell to cell through sides, through all cells, each once.
+    /// The curve goes through all cells once, and from cell to cell through their sides.
     #[test]
     fn the_curve_goes_through_all_cells_side_by_side() {
         let cell = 65_536 / 16;
@@ -285,7 +287,7 @@ mod tests {
         }
     }
 
-    /// Neighbours in the list lie near each other: on the whole within two edges.
+    /// Neighbours in the list are near each other: on average within two edges.
     #[test]
     fn neighbours_in_the_list_are_neighbours_on_the_leaf() {
         let blade = refine(&leaf(grid(60.0, 30.0, 30, 15)), 2.0, 0).unwrap();
@@ -301,7 +303,7 @@ mod tests {
         half.mask = Some((0..16).map(|k| u8::from(k % 4 < 2)).collect());
         let blade = refine(&half, 2.5, 0).unwrap();
         let right = blade.mesh.positions.iter().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
-        // The outline runs through the middle; no triangle begins beyond the texel after it.
+        // The outline goes through the middle. No triangle begins beyond the texel after it.
         assert!((0.0..=10.0).contains(&right), "{right}");
         let whole = refine(&leaf(grid(40.0, 40.0, 8, 8)), 2.5, 0).unwrap();
         assert!(blade.mesh.positions.len() * 3 < whole.mesh.positions.len() * 2);

@@ -1,8 +1,8 @@
-//! A map as run lengths, as the source codes it: a value, and how many receivers in a row have it.
+//! A map as run lengths, which is the source's code: a value, and the number of consecutive receivers that have it.
 
 use std::iter;
 
-/// Values and how often each comes in a row, at least once.
+/// The values, with the number of times (at least 1) that each occurs in a row.
 pub(super) fn runs(map: &[u8]) -> impl Iterator<Item = (u8, usize)> + '_ {
     let mut rest = map;
     iter::from_fn(move || {
@@ -13,8 +13,8 @@ pub(super) fn runs(map: &[u8]) -> impl Iterator<Item = (u8, usize)> + '_ {
     })
 }
 
-/// Run lengths: for each run the value, then its length less one, seven bits a byte, the lowest first; the eighth bit
-/// says that more follow.
+/// Codes run lengths. Each run has its value and then its length less one, in groups of seven bits, the lowest first.
+/// The eighth bit of a byte means that more follow.
 pub fn encode(map: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     for (value, count) in runs(map) {
@@ -29,7 +29,7 @@ pub fn encode(map: &[u8]) -> Vec<u8> {
     out
 }
 
-/// The map that [`encode`] coded, into `map`, which says how long it is; what is wrong with the bytes otherwise.
+/// Decodes the bytes of [`encode`] into `map`, whose length must fit. The error says what is wrong with the bytes.
 pub fn decode(coded: &[u8], map: &mut [u8]) -> Result<(), String> {
     let mut at = 0;
     for run in parse(coded) {
@@ -41,7 +41,7 @@ pub fn decode(coded: &[u8], map: &mut [u8]) -> Result<(), String> {
     if at == map.len() { Ok(()) } else { Err(format!("{at} values, expected {}", map.len())) }
 }
 
-/// The runs that [`encode`] wrote; each at most 2³⁵ long, whatever the bytes are.
+/// The runs in the bytes of [`encode`]. Each is at most 2³⁵ long, for any bytes.
 pub(super) fn parse(coded: &[u8]) -> impl Iterator<Item = Result<(u8, usize), String>> + '_ {
     let mut rest = coded.iter().copied();
     iter::from_fn(move || {

@@ -1,4 +1,4 @@
-//! Scenes whose visibility is known in closed form, and what tests of this folder share.
+//! Scenes whose visibility is known in closed form, and helpers for the tests of this folder.
 
 use super::{AreaLight, Receivers, Shadows};
 use crate::lobe::Lobe;
@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 /// The sun's angular radius (rad).
 const SUN: f64 = 0.00465;
 
-/// A level rectangle around the origin, its front up, in `nx` by `ny` pieces.
+/// A level rectangle around the origin with its front up, in `nx` by `ny` pieces.
 pub(super) fn grid(width: f64, height: f64, nx: u32, ny: u32) -> ReferenceMesh {
     let mut mesh = ReferenceMesh::default();
     for j in 0..=ny {
@@ -42,7 +42,7 @@ pub(super) fn outlined(mesh: ReferenceMesh, width: usize, height: usize, mask: O
     ReferenceLeaf { mesh, width, height, front: side(), back: side(), mask, lobe: Lobe::Beckmann }
 }
 
-/// Each mesh once, where it stands.
+/// A world with each mesh once, at its place.
 pub(super) fn world(of: Vec<(ReferenceMesh, DMat4)>) -> World {
     World {
         instances: of
@@ -59,7 +59,7 @@ fn at(x: f64, y: f64, z: f64) -> DMat4 {
     DMat4::from_translation(DVec3::new(x, y, z))
 }
 
-/// A disk of `sides` corners around the origin.
+/// A disk with `sides` corners around the origin.
 fn plate(radius: f64, sides: u32) -> ReferenceMesh {
     let mut mesh = ReferenceMesh::default();
     mesh.positions.push(DVec3::ZERO);
@@ -72,7 +72,7 @@ fn plate(radius: f64, sides: u32) -> ReferenceMesh {
     mesh
 }
 
-/// Maps of a world as its leaves are drawn.
+/// The maps of a world with its leaves as drawn.
 fn maps(world: &World, light: &AreaLight, directions: &[DVec3]) -> (Receivers, Vec<Vec<u8>>) {
     let receivers = Receivers::new(world, &[]).unwrap();
     let mut maps = Vec::new();
@@ -80,7 +80,7 @@ fn maps(world: &World, light: &AreaLight, directions: &[DVec3]) -> (Receivers, V
     shadows
         .maps(directions, |k, map| {
             assert_eq!(k, maps.len());
-            // Found alone, without what is left of the directions before.
+            // The map is also computed alone, without data of the directions before.
             let follow = |_, alone: &[u8]| {
                 assert!(alone == map);
                 Ok(())
@@ -93,7 +93,7 @@ fn maps(world: &World, light: &AreaLight, directions: &[DVec3]) -> (Receivers, V
     (receivers, maps)
 }
 
-/// A receiver of a point's size at the origin, tilted: what of the sun above it is seen past `occluder`.
+/// The share of the sun that a tiny, tilted receiver at the origin sees past `occluder`.
 fn seen(occluder: Vec<(ReferenceMesh, DMat4)>, light: &AreaLight, direction: DVec3) -> f64 {
     let tilt = DMat4::from_quat(DQuat::from_rotation_x(0.4));
     let mut all = vec![(grid(1e-4, 1e-4, 1, 1), tilt)];
@@ -104,14 +104,15 @@ fn seen(occluder: Vec<(ReferenceMesh, DMat4)>, light: &AreaLight, direction: DVe
     f64::from(own[0]) / 255.0
 }
 
-/// The edge of a wide plate through the middle of the sun leaves half, beside it a segment of the disk; from below as
-/// from above.
+/// The edge of a wide plate through the middle of the sun leaves half of it. Elsewhere a segment of the disk is left.
+/// This holds from below as from above.
 #[test]
 fn half_a_plane_hides_a_segment_of_the_disk() {
     let light = AreaLight::disk(SUN, 1024).unwrap();
     for up in [1.0, -1.0] {
         for h in [-1.2, -0.7, -0.3, 0.0, 0.4, 0.9, 1.3f64] {
-            // At height 1000 the disk is 2 · 4.65 wide; the plate covers all beyond h of its radius.
+            // At the height 1000 the disk is 2 · 4.65 wide. The plate covers everything beyond the share h of its
+            // radius.
             let edge = 1000.0 * SUN.tan() * h;
             let hidden =
                 seen(vec![(grid(400.0, 400.0, 7, 5), at(edge + 200.0, 3.0, up * 1000.0))], &light, DVec3::Z * up);
@@ -122,7 +123,7 @@ fn half_a_plane_hides_a_segment_of_the_disk() {
     }
 }
 
-/// A round plate before the round sun: what is hidden is the lens of two circles.
+/// A round plate in front of the round sun hides the lens of two circles.
 #[test]
 fn a_disk_before_the_disk_hides_their_lens() {
     let light = AreaLight::disk(SUN, 1024).unwrap();
@@ -149,7 +150,7 @@ fn a_disk_before_the_disk_hides_their_lens() {
     }
 }
 
-/// A plate above another: the umbra and what is lit are as geometry says, and the plate that throws the shadow is lit.
+/// A plate above another: the umbra and the lit area agree with geometry, and the plate that casts the shadow is lit.
 #[test]
 fn a_plate_above_another_throws_its_shadow() {
     let light = AreaLight::disk(SUN, 64).unwrap();
@@ -161,7 +162,7 @@ fn a_plate_above_another_throws_its_shadow() {
     let mut counts = [0; 2];
     for k in receivers.of(0) {
         let p = receivers.get(k).position;
-        // The shadow lies 30 mm towards −x.
+        // The shadow is 30 mm towards −x.
         let past = ((p.x + 30.0).abs() - 30.0).max(p.y.abs() - 30.0);
         if past < -soft {
             assert_eq!(maps[0][k], 0, "{p}");
@@ -170,7 +171,7 @@ fn a_plate_above_another_throws_its_shadow() {
             assert_eq!(maps[0][k], 255, "{p}");
             counts[1] += 1;
         }
-        // From below the lower one is lit and hides the upper one.
+        // With light from below, the lower plate is lit and hides the light from the upper one.
         assert_eq!(maps[1][k], 255);
     }
     assert!(counts.iter().all(|n| *n > 400), "{counts:?}");
@@ -179,7 +180,7 @@ fn a_plate_above_another_throws_its_shadow() {
     }
 }
 
-/// Leaves at random, one with an outline, one of discs; some touch or cross.
+/// Random leaves, one with an outline and one of discs. Some touch or cross each other.
 fn thicket(seed: u64, of: usize) -> World {
     let mut state = seed;
     let mut next = move || {
@@ -206,7 +207,7 @@ fn thicket(seed: u64, of: usize) -> World {
     world
 }
 
-/// By triangles on a plane and by a ray to each point of the light: the same, but for points that an edge just meets.
+/// Triangles on a plane and rays to each point of the light give the same result, except for points just at an edge.
 #[test]
 fn casting_finds_what_rays_find() {
     let wide = AreaLight::polygon(&[[-0.02, -0.01], [0.03, -0.01], [0.0, 0.02]].map(DVec2::from), 40).unwrap();
@@ -230,7 +231,7 @@ fn casting_finds_what_rays_find() {
     }
 }
 
-/// A scene that repeats hides as a long row of its copies does.
+/// A scene that repeats has the same shadows as a long row of its copies.
 #[test]
 fn what_repeats_hides_as_its_copies_do() {
     let light = AreaLight::disk(0.02, 16).unwrap();
