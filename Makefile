@@ -4,13 +4,14 @@
 #   make fits    regenerates everything under fits/
 #   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or of the renderer
 #   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
+#   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens gallery build wheel setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery book build wheel setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`.
 # $(1) is the report.
@@ -64,6 +65,14 @@ gallery: build
 	for scene in data/gallery/*.toml; do \
 	    $(MESOPHYLL) render $$scene -o out/gallery --tone film --resume || exit $$?; \
 	done
+
+# The pages link to each other by their places in the project, so the book is made of copies in the same places.
+book:
+	@command -v mdbook >/dev/null || { echo "No book: mdbook is missing; cargo install mdbook brings it" >&2; exit 1; }
+	@rm -rf out/book && mkdir -p out/book
+	@cp -r --parents README.md docs $$(find data -name '*.md' -o -name leaves.toml) out/book && mv out/book/docs/book.toml out/book
+	@sed 's|](|](docs/|; s|](docs/\.\./|](|' docs/SUMMARY.md >out/book/SUMMARY.md
+	@mdbook build -d "$(CURDIR)/out/book/html" out/book
 
 build: setup
 	$(CARGO) build --release --locked

@@ -177,6 +177,12 @@ fn the_commands_of_the_foliar_page_run() {
 }
 
 #[test]
+fn the_commands_of_the_tutorials_run() {
+    assert_eq!(run_page("docs/tutorials.md", false), [15, 0]);
+    assert_eq!(run_page("docs/good.md", false), [2, 0]);
+}
+
+#[test]
 fn the_commands_of_the_plants_page_run() {
     assert_eq!(run_page("docs/plants.md", false), [10, 0]);
 }
@@ -191,9 +197,10 @@ fn the_list_of_what_is_left_out_is_true() {
             continue;
         }
         let found = commands(&std::fs::read_to_string(&file).unwrap(), false);
-        let tested = ["sky.md", "translucency.md", "light.md", "foliar.md", "plants.md", "grass.md"]
-            .iter()
-            .any(|page| file.ends_with(page));
+        let tested =
+            ["sky.md", "translucency.md", "light.md", "foliar.md", "plants.md", "grass.md", "tutorials.md", "good.md"]
+                .iter()
+                .any(|page| file.ends_with(page));
         let all_left_out = found.iter().all(|c| LEFT_OUT.iter().any(|(command, _)| command == c));
         assert!(tested || all_left_out, "{}: its commands are not run", file.display());
         printed.extend(found);
