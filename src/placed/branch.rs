@@ -1,10 +1,10 @@
-//! Branches of a scene: what the manifest or a fit says of them, their frames and meshes at rest, and how they bend at
-//! a time. All in f64; the reference renderer draws from here, the GPU renderer gets the same numbers and bends in its
-//! own shader.
+//! The branches of a scene: their data from the manifest or a fit, their frames and meshes at rest, and how they bend
+//! at a time. Everything is in f64. The reference renderer draws these meshes. The GPU renderer gets the same numbers
+//! and bends in its own shader.
 //!
-//! A branch's deflection is that of a tapered beam under an even load ([`mesophyll_plant`]): its weight, towards the
-//! ground, its mean wind along the wind, and gusts from one motion texture for all branches, each on a line of its own.
-//! Lengths in mm, amplitudes in units of a branch's length.
+//! A branch deflects like a tapered beam under an even load ([`mesophyll_plant`]). The load is its weight, towards the
+//! ground, the mean wind, along the wind, and gusts. All branches share one motion texture for gusts, each on its own
+//! line. Lengths are in mm, and amplitudes in units of a branch's length.
 
 use super::placement::{OnBranch, frame};
 use crate::ledger::Ledger;
@@ -20,33 +20,33 @@ use mesophyll_plant::wind::{Oscillator, Sway, Wind, resonance};
 use mesophyll_record::FitRecord;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Texels a side of the motion texture: frequencies down to 1/64 of the branch's resonance, and no repetition within
-/// 8,000 of its periods.
+/// Texels along a side of the motion texture. It holds frequencies down to 1/64 of the branch's resonance, and does not
+/// repeat within 8,000 of its periods.
 pub const MOTION_SIDE: usize = 1024;
 
-/// A branch as the manifest and its fit say, at rest.
+/// A branch at rest, as the manifest and its fit describe it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Twig {
-    /// Where its axis begins (mm, world).
+    /// Place where its axis begins (mm, world).
     pub root: DVec3,
     /// t from root to tip, s across it and as far up as possible, r = s × t.
     pub axes: [DVec3; 3],
-    /// Of the axis, mm.
+    /// Length of the axis (mm).
     pub length: f64,
-    /// At the root, mm.
+    /// Radius at the root (mm).
     pub radius: f64,
     /// Tip radius over root radius.
     pub taper: f64,
-    /// F/(E′r₁⁴) (mm) of its own weight, were it horizontal.
+    /// F/(E′r₁⁴) (mm) under its own weight if it were horizontal.
     pub load: f64,
-    /// Diffuse reflectance, a channel.
+    /// Diffuse reflectance of each channel.
     pub bark: [f64; 3],
 }
 
-/// All branches at rest; taper and load from a fit where the manifest names one.
+/// All branches at rest. Taper and load come from a fit where the manifest names one.
 ///
 /// # Errors
-/// [`Error::Input`] for a fit that cannot be read, or that did not determine what is asked of it.
+/// [`Error::Input`] for a fit that cannot be read, or that did not determine a needed quantity.
 pub fn twigs(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Twig>> {
     manifest
         .branches
@@ -102,12 +102,12 @@ pub fn sways(manifest: &Manifest) -> bool {
     manifest.wind.as_ref().is_some_and(|w| w.speed_m_s > 0.0) && manifest.branches.iter().any(|b| b.lean_per_m_s > 0.0)
 }
 
-/// The scene's time of a view (s).
+/// The time at which a view shows the scene (s).
 pub fn time(manifest: &Manifest, view: &mesophyll_manifest::View) -> f64 {
     view.time_s.unwrap_or_else(|| rest_time(manifest))
 }
 
-/// The time of a scene as it opens (s).
+/// The time at which a scene opens (s).
 pub fn rest_time(manifest: &Manifest) -> f64 {
     manifest.wind.as_ref().map_or(0.0, |w| w.time_s)
 }
@@ -119,7 +119,7 @@ pub struct Bending {
     pub rest: Branch<f64>,
     /// Amplitude towards r and s by weight and mean wind.
     pub still: [f64; 2],
-    /// Amplitude per unit of the motion texture.
+    /// Amplitude for 1 in the motion texture.
     pub gain: f64,
     /// Its line through the motion texture.
     pub line: Option<Trajectory>,
@@ -128,22 +128,23 @@ pub struct Bending {
 /// All branches of a scene in which something bends.
 #[derive(Debug, Clone)]
 pub struct Bends {
-    /// In the manifest's order.
+    /// The branches, in the manifest's order.
     pub branches: Vec<Bending>,
     /// The texture that moves them; `None` where there is no wind.
     pub motion: Option<Motion>,
 }
 
-/// Standard deviations of a gust that a branch must stand without leaving the range in which its length is kept.
+/// The strength of a gust, in standard deviations, under which the length of a branch must still be kept.
 const STRONGEST: f64 = 4.0;
 
 impl Bends {
-    /// `twigs` as [`twigs`] gives them. The coefficients come from the beam fit, the gusts from one motion texture.
+    /// `twigs` is the result of the function [`twigs`]. The coefficients come from the beam fit, and the gusts from one
+    /// motion texture.
     ///
     /// # Errors
-    /// [`Error::Input`] for a branch whose tip would go further than its length, or whose sway has no spectrum.
+    /// [`Error::Input`] for a branch whose tip would move further than its length, or whose sway has no spectrum.
     pub fn new(manifest: &Manifest, twigs: &[Twig], ledger: &Ledger) -> Result<Bends> {
-        // The coefficients of all tapers are fitted at most once while the program runs.
+        // The coefficients of all tapers are fitted at most once during a run of the program.
         if ledger.count("fit", "beam") == 0 {
             ledger.note("fit", "beam", 0, basis::smooth);
         }
@@ -174,7 +175,7 @@ impl Bends {
             let shape = basis::shape(twig.taper);
             let rest = Branch { root: twig.root.to_array(), t, r, s, length: twig.length, shape };
             let whole = shape.tip();
-            // The weight's share across the branch; along it nothing bends.
+            // Only the weight's component across the branch bends it.
             let weight = [1, 2].map(|axis| -twig.axes[axis].z * twig.load / twig.length);
             let (mut still, mut gain, mut line) = (weight, 0.0, None);
             if let (Some(sway), Some(lead), Some(motion)) = (sway, &lead, &motion) {
@@ -218,7 +219,7 @@ impl Bends {
         self.branches[k].rest.joint(self.amplitude(k, time), 1.0).position
     }
 
-    /// Where something goes that hangs on a branch: its transform at rest, carried along.
+    /// The transform of something that hangs on a branch: that at rest, moved with the branch.
     pub fn transform(&self, ride: OnBranch, time: f64, rest: DMat4) -> DMat4 {
         let branch = &self.branches[ride.branch].rest;
         let joint = branch.joint(self.amplitude(ride.branch, time), ride.at);
@@ -247,36 +248,37 @@ fn sway(manifest: &Manifest, b: &mesophyll_manifest::Branch) -> Option<Sway> {
     let f = b.resonance_hz.unwrap_or_else(|| resonance(b.length_mm / 1000.0, false));
     Some(Sway {
         wind: Wind { speed: wind.speed_m_s, turbulence: wind.turbulence },
-        // The damping over the critical one, 4π f_h.
+        // `damping` is relative to the critical damping 4π f_h.
         oscillator: Oscillator { resonance: f, damping: b.damping * 2.0 * TAU * f },
         lean: b.lean_per_m_s * wind.speed_m_s,
     })
 }
 
-/// Variance of the tip's deflection over the length, over the frequencies that a motion texture holds.
+/// Variance of the tip's deflection over the length, for the frequencies that a motion texture holds.
 pub(super) fn variance(sway: &Sway) -> f64 {
     let count = MOTION_SIDE / mesophyll_plant::motion::TEXELS_A_CYCLE;
     let step = sway.highest() / count as f64;
     (1..=count).map(|j| sway.spectrum(j as f64 * step) * step).sum()
 }
 
-/// Where the wind blows to.
+/// The direction that the wind blows to.
 pub(super) fn wind_direction(manifest: &Manifest) -> DVec3 {
     let azimuth = manifest.wind.as_ref().map_or(0.0, |w| w.azimuth_deg.to_radians());
     DVec3::new(azimuth.cos(), azimuth.sin(), 0.0)
 }
 
-/// Sides of a branch's mesh, rings along it, and rings of each rounded end.
+/// Numbers of sides of a branch's mesh, of rings along it, and of rings in each rounded end.
 const SIDES: usize = 16;
 const RINGS: usize = 48;
 const CAP: usize = 4;
 
-/// A branch's mesh at rest, in world space: a cone with rounded ends, normals outward, u around and v from root to tip.
+/// A branch's mesh at rest in world space: a cone with rounded ends. Normals point outward, u goes around, and v from
+/// root to tip.
 pub fn tube(twig: &Twig) -> LeafMesh {
     let [t, r, s] = twig.axes;
     let (thick, thin) = (twig.radius, twig.radius * twig.taper);
     let slope = (thin - thick) / twig.length;
-    // Rings as distance along the axis, radius, and the normal's share along the axis.
+    // Each ring has a distance along the axis, a radius, and the component of its normal along the axis.
     let mut rings: Vec<[f64; 3]> = Vec::new();
     let round = |k: usize| (FRAC_PI_2 * k as f64 / CAP as f64).sin_cos();
     rings.extend((0..CAP).map(|k| {
@@ -337,7 +339,8 @@ mod tests {
         }
     }
 
-    /// Area and volume of the mesh against those of a cone with half balls on its ends, and normals against the facets.
+    /// Area and volume of the mesh agree with those of a cone with half balls on its ends, and normals agree with the
+    /// facets.
     #[test]
     fn the_mesh_is_a_closed_cone_with_outward_normals() {
         let twig = twig();
@@ -357,7 +360,7 @@ mod tests {
         let pi = std::f64::consts::PI;
         let exact = pi / 3.0 * 150.0 * (big * big + big * small + small * small)
             + 2.0 / 3.0 * pi * (big.powi(3) + small.powi(3));
-        // Sixteen chords instead of a circle take 2.6 % of its area.
+        // Sixteen chords have 2.6 % less area than the circle.
         assert!((volume / exact - 0.974).abs() < 0.004, "{volume} {exact}");
         assert!(worst > 2.5, "{worst}");
         for (n, (t, _)) in mesh.normals.iter().zip(&mesh.tangents) {

@@ -1,9 +1,10 @@
-//! The physical sky of a scene: Preetham's at a turbidity, turned to the sun's azimuth, in the scene's unit, with the
-//! sun's own light and what the ground sends back; as harmonics for the renderer and as the function itself for the
-//! reference.
+//! The physical sky of a scene: Preetham's sky at a turbidity, turned to the sun's azimuth and in the scene's unit,
+//! with the sun's own light and the light that the ground returns. The renderer gets harmonics of it, and the reference
+//! gets the function itself.
 //!
-//! Unit: `scale` scene units of radiance a kcd/m², which are as many scene units of irradiance a klx. A fixed sun's N²
-//! coefficients are integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
+//! Unit: 1 kcd/m² is `scale` scene units of radiance, and so 1 klx is `scale` scene units of irradiance. For a fixed
+//! sun, the N² coefficients are integrated. A sun that moves takes them from the polynomial fit, which is made once,
+//! and only for such a sun.
 
 use crate::ledger::Ledger;
 use crate::{Error, Result};
@@ -16,51 +17,51 @@ use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project,
 use mesophyll_transport::tone::display;
 use std::f64::consts::{PI, TAU};
 
-/// Radiance on the horizon's level and above of one sky, and what goes with it; everything in the scene's unit.
+/// One sky above the horizon, with its sun and ground. Everything is in the scene's unit.
 #[derive(Debug, Clone)]
 pub struct Daylight {
     sky: PreethamSky,
-    /// From 2 (clear) to 10 (hazy).
+    /// Turbidity, from 2 (clear) to 10 (hazy).
     pub turbidity: f64,
-    /// Of the sun, radians.
+    /// Zenith angle of the sun (rad).
     pub zenith: f64,
-    /// Of the sun, radians, from +x towards +y.
+    /// Azimuth of the sun (rad), from +x towards +y.
     pub azimuth: f64,
-    /// Scene units of radiance a kcd/m².
+    /// Scene units of radiance for 1 kcd/m².
     pub scale: f64,
-    /// The sun's, on a surface that faces it.
+    /// Irradiance of the sun on a surface that faces it.
     pub sun: [f64; 3],
     albedo: Option<[f64; 3]>,
-    /// The sky's, on level ground.
+    /// Irradiance of the sky on level ground.
     pub level: [f64; 3],
 }
 
-/// What the renderer gets of a sky.
+/// The sky's light for the renderer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
-    /// Of the radiance all around.
+    /// Harmonics of the radiance all around.
     pub harmonics: Coefficients,
     /// Radiance below the horizon; `None` where the sky has no ground.
     pub ground: Option<[f64; 3]>,
 }
 
-/// Towards a sun.
+/// The direction towards a sun.
 pub fn direction(zenith: f64, azimuth: f64) -> DVec3 {
     DVec3::new(zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), zenith.cos())
 }
 
-/// Towards the scene's sun.
+/// The direction towards the scene's sun.
 pub fn sun_direction(manifest: &Manifest) -> Option<DVec3> {
     manifest.sun.as_ref().map(|s| direction(s.zenith_deg.to_radians(), s.azimuth_deg.to_radians()))
 }
 
-/// Towards the sun in every place where it stands: the scene's own, and that of each hour of its day.
+/// The directions towards the sun at all its places: the scene's own, and that of each hour of its day.
 pub fn sun_directions(manifest: &Manifest) -> Vec<DVec3> {
     let hours = manifest.day.iter().flat_map(|day| day.hours.iter().map(|hour| day.sun(*hour)));
     sun_direction(manifest).into_iter().chain(hours.map(|(zenith, azimuth)| direction(zenith, azimuth))).collect()
 }
 
-/// Irradiance of the sun and mean radiance of the sky, in the scene's unit; none is 0.
+/// Irradiance of the sun and mean radiance of the sky, in the scene's unit; 0 for one that is absent.
 pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
     if let Ok(Some(daylight)) = Daylight::of(manifest) {
         return (daylight.sun, daylight.level.map(|e| e / PI));
@@ -70,7 +71,7 @@ pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
 }
 
 impl Daylight {
-    /// The scene's own, where it has one.
+    /// The physical sky of the scene, if it has one.
     ///
     /// # Errors
     /// [`Error::Input`] for a sun or turbidity that the model refuses.
@@ -80,7 +81,7 @@ impl Daylight {
         Daylight::at(manifest, sun.zenith_deg.to_radians(), sun.azimuth_deg.to_radians(), turbidity).map(Some)
     }
 
-    /// The scene's with another sun (rad) and turbidity. A sun's irradiance that the scene states is kept.
+    /// The scene's sky with another sun (rad) and turbidity. An irradiance of the sun that the scene states is kept.
     ///
     /// # Errors
     /// As [`Daylight::of`].
@@ -103,18 +104,19 @@ impl Daylight {
         })
     }
 
-    /// The sun's on level ground.
+    /// Irradiance of the sun on level ground.
     fn sun_on_ground(&self) -> [f64; 3] {
         self.sun.map(|e| e * self.zenith.cos().max(0.0))
     }
 
-    /// A matte ground's radiance under this sky and sun.
+    /// Radiance of a matte ground under this sky and sun.
     pub fn ground(&self) -> Option<[f64; 3]> {
         let sun = self.sun_on_ground();
         self.albedo.map(|a| [0, 1, 2].map(|c| a[c] * (self.level[c] + sun[c]) / PI))
     }
 
-    /// The sky itself, by direct evaluation: radiance from the unit direction `d`; below the horizon the ground's.
+    /// The sky itself, by direct evaluation: radiance from the unit direction `d`. Below the horizon it is that of the
+    /// ground.
     pub fn radiance(&self, d: DVec3) -> [f64; 3] {
         if d.z <= 0.0 {
             return self.ground().unwrap_or([0.0; 3]);
@@ -123,10 +125,11 @@ impl Daylight {
         self.sky.rgb([cos * d.x + sin * d.y, cos * d.y - sin * d.x, d.z]).map(|v| v * self.scale)
     }
 
-    /// N² coefficients all around, in world directions: by integration, or from the polynomials where they reach.
+    /// N² coefficients of the light all around, in world directions: by integration, or from the polynomials if they
+    /// are given.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a sun or turbidity beyond the fit's.
+    /// [`Error::Usage`] for a sun or turbidity outside the fit's range.
     pub fn light(&self, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<Light> {
         let sky = match polynomials {
             Some(f) => f.coefficients(self.zenith, self.turbidity).map_err(|e| Error::Usage(e.to_string()))?,
@@ -141,13 +144,13 @@ impl Daylight {
         Ok(Light { harmonics: harmonics::rotate_z(&whole, self.azimuth), ground })
     }
 
-    /// Perez coefficients and factors for whoever draws the sky.
+    /// The Perez coefficients and factors, for drawing the sky.
     pub fn perez(&self) -> ([[f64; 5]; 3], [f64; 3]) {
         (self.sky.turbid().perez(), self.sky.prefactors().map(|v| v * self.scale))
     }
 
-    /// What cutting off at each number of bands costs a matte leaf that reflects a tenth: the largest error of a
-    /// displayed value over normals all around, against an integration of the sky itself.
+    /// The error that each number of bands causes on a matte leaf that reflects a tenth: the largest error of a
+    /// displayed value over all normals, compared with an integration of the sky itself.
     pub fn truncation(&self, bands: &[usize], exposure: f64) -> Result<Vec<f64>> {
         let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
         for (sign, rings, spokes) in [(1.0, 40, 96), (-1.0, 20, 48)] {
@@ -192,8 +195,8 @@ impl Daylight {
     }
 }
 
-/// The sky's polynomials where the sun `moves`, of one fit a process, which is noted when it is first made. Other
-/// scenes run no fit.
+/// The sky's polynomials, if the sun `moves`. The fit is made once in a process, and noted at that time. Other scenes
+/// run no fit.
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.
@@ -224,7 +227,8 @@ mod tests {
         Manifest::read(&path).unwrap()
     }
 
-    /// Equinox: up in the east at six, south at noon at the latitude's angle, and as long before noon as after.
+    /// At the equinox the sun rises in the east at six. At noon it is in the south at the latitude's angle, and the
+    /// afternoon mirrors the morning.
     #[test]
     fn the_sun_goes_its_way() {
         let day = Day { latitude_deg: 50.0, declination_deg: 0.0, hours: Vec::new() };
@@ -236,7 +240,8 @@ mod tests {
         assert!((z1 - z2).abs() < 1e-12 && (direction(z1, a1).x + direction(z2, a2).x).abs() < 1e-12);
     }
 
-    /// Many bands give the sky back: its ground and sky where they are smooth, and level ground gets what it gets.
+    /// With many bands, the harmonics reproduce sky and ground where these are smooth, and the irradiance of level
+    /// ground.
     #[test]
     fn harmonics_are_of_the_sky_that_is_looked_at() {
         let d = Daylight::of(&manifest("ground_albedo = [0.2, 0.3, 0.1]\nscale = 0.5")).unwrap().unwrap();
@@ -249,14 +254,14 @@ mod tests {
                 assert!((seen[k] - true_sky[k]).abs() < 0.05 * true_sky[1], "{n}: {seen:?} {true_sky:?}");
             }
         }
-        // Turned with the sun: brightest on its side.
+        // The sky turns with the sun, and is brightest on its side.
         let side = |turn: f64| d.radiance(direction(0.6, d.azimuth + turn))[1];
         assert!(side(0.0) > side(1.5) && (side(0.7) / side(-0.7) - 1.0).abs() < 1e-12);
         let plain = Daylight::of(&manifest("")).unwrap().unwrap();
         assert!((plain.level[1] / d.level[1] - 2.0).abs() < 1e-12 && (plain.sun[0] / d.sun[0] - 2.0).abs() < 1e-12);
     }
 
-    /// The fit stands in for the integration to 1e-5 of it; more bands cost less.
+    /// The fit agrees with the integration to 1e-5 of it. More bands have smaller errors.
     #[test]
     fn polynomials_and_integration_agree() {
         let d = Daylight::of(&manifest("ground_albedo = [0.2, 0.2, 0.2]")).unwrap().unwrap();

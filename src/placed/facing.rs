@@ -1,35 +1,34 @@
-//! Which sides of which leaves the cameras see and the sun lights, and whether anything can stand in its own or
-//! another's light.
+//! Which sides of which leaves the cameras see and the sun lights, and whether any leaf can shade itself or another.
 //!
-//! Every answer errs on the side of "needed": a triangle of which some part may be edge-on counts for both sides.
+//! Where an answer is uncertain, it is "needed": a triangle that may be edge-on in some part counts for both sides.
 
 use super::placement::Placement;
 use glam::{DMat3, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::progress::Bar;
 
-/// Cosines below this are taken for edge-on.
+/// Smaller cosines than this count as edge-on.
 const EDGE: f64 = 0.03;
 
-/// What is seen of one leaf, over all its placements and all cameras. Index 0 is the front, 1 the back.
+/// The visible sides of one leaf, over all its placements and all cameras. Index 0 is the front, 1 the back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Facing {
-    /// Some camera sees this side.
+    /// Whether some camera sees this side.
     pub seen: [bool; 2],
-    /// Some camera sees this side where the sun falls on it.
+    /// Whether some camera sees this side where the sun shines on it.
     pub lit: [bool; 2],
-    /// Some camera sees this side where the sun falls on the other.
+    /// Whether some camera sees this side where the sun shines on the other side.
     pub through: [bool; 2],
 }
 
 impl Facing {
-    /// Everything, for a leaf whose mesh is not known yet.
+    /// All of it, for a leaf whose mesh is not known yet.
     pub const ALL: Facing = Facing { seen: [true; 2], lit: [true; 2], through: [true; 2] };
 
-    /// Adds what `eyes` see of one placement; the sun is a direction and its disk's radius (rad).
+    /// Adds what `eyes` see of one placement. The sun is given by its direction and its disk's radius (rad).
     ///
-    /// Across a triangle the normal and the way to the eye are both linear, so that the cosines of all nine pairs of
-    /// corners bound what any point of it sees, and three those to the sun.
+    /// Across a triangle, the normal and the vector to the eye are both linear. So the cosines of all nine pairs of
+    /// corners bound the cosine at every point, and three cosines do so for the sun.
     pub fn add(&mut self, mesh: &LeafMesh, placement: &Placement, eyes: &[DVec3], sun: Option<(DVec3, f64)>) {
         if self.is_full(sun.is_some()) {
             return;
@@ -64,11 +63,11 @@ impl Facing {
     }
 }
 
-/// Whether any leaf can stand in the light of another or in its own; the reason where none can.
+/// Whether any leaf can shade another or itself; where none can, the reason.
 ///
-/// A leaf whose facets all face the light on one side (with the disk's radius to spare) and that covers no point twice
-/// as seen from the sun cannot shade itself. Two leaves cannot shade each other when the spheres around them, widened
-/// by the disk's spread, do not overlap as seen from the sun.
+/// A leaf cannot shade itself if all its facets face the light with the same side, by more than the disk's radius, and
+/// if it covers no point twice as seen from the sun. Two leaves cannot shade each other if the balls around them,
+/// widened by the disk's spread, do not overlap as seen from the sun.
 pub fn shadows(
     meshes: &[Option<&LeafMesh>],
     placements: &[Placement],
@@ -103,7 +102,7 @@ pub fn shadows(
     })
 }
 
-/// Texels across the raster that looks for overlaps.
+/// Texels along a side of the raster that searches for overlaps.
 const RASTER: usize = 512;
 
 fn lit_once(mesh: &LeafMesh, placement: &Placement, sun: DVec3, radius: f64) -> bool {
@@ -135,11 +134,11 @@ fn lit_once(mesh: &LeafMesh, placement: &Placement, sun: DVec3, radius: f64) -> 
         let to = corners[0].max(corners[1]).max(corners[2]).ceil().min(DVec2::splat(RASTER as f64));
         let edges = [0, 1, 2].map(|k: usize| (corners[(k + 1) % 3] - corners[k]) * cosine.signum());
         for y in from.y as usize..to.y as usize {
-            // What the row adds to the distance from each edge.
+            // The part of the distance from each edge that depends on the row.
             let of_row = [0, 1, 2].map(|k: usize| edges[k].x * (y as f64 + 0.5 - corners[k].y));
             for x in from.x as usize..to.x as usize {
                 let px = x as f64 + 0.5;
-                // Centres on an edge count for neither neighbour.
+                // A centre on an edge counts for neither neighbour.
                 let inside = of_row[0] - edges[0].y * (px - corners[0].x) > 1e-9
                     && of_row[1] - edges[1].y * (px - corners[1].x) > 1e-9
                     && of_row[2] - edges[2].y * (px - corners[2].x) > 1e-9;
@@ -183,8 +182,8 @@ mod tests {
         assert_eq!(facing(None, 0.0).lit, [false; 2]);
     }
 
-    /// No corner of this triangle is seen from the back where the sun shines, but a point on its edge is: the corners'
-    /// own answers do not do.
+    /// No corner of this triangle is seen from the back where the sun shines, but a point on its edge is. So testing
+    /// only the corners is not sufficient.
     #[test]
     fn what_only_the_middle_of_a_triangle_shows_is_found() {
         let lean = |angle: f64| DVec3::new(angle.sin(), 0.0, angle.cos());
@@ -195,7 +194,7 @@ mod tests {
             uvs: vec![glam::DVec2::ZERO; 3],
             indices: vec![0, 1, 2],
         };
-        // A low eye close by and a low sun on the other side.
+        // A low eye nearby, and a low sun on the other side.
         let eye = DVec3::new(22.0, 0.0, 6.0);
         let sun = lean(-1.3);
         let at = |x: f64| {
@@ -220,15 +219,15 @@ mod tests {
         assert!(of(&flat, &[at(0.0, 0.0, 0.0)]).is_err());
         assert!(of(&flat, &[at(0.0, 0.0, 0.0), at(200.0, 0.0, 0.0)]).is_err());
         assert!(of(&flat, &[at(0.0, 0.0, 0.0), at(20.0, 30.0, 0.0)]).is_ok());
-        // Far apart sideways, but one behind the other as the sun sees them.
+        // The two are far apart sideways, but one behind the other as seen from the sun.
         assert!(of(&flat, &[at(0.0, 0.0, 0.0), at(200.0, 400.0, 0.0)]).is_ok());
-        // Folded up beside the light's path: a wall on one edge that the sun, coming from +x, does not reach past.
+        // A wall on one edge is folded up beside the light's path. Sunlight from +x does not pass it.
         let mut walled = flat.clone();
         walled.positions.extend([DVec3::new(20.0, -15.0, 30.0), DVec3::new(20.0, 15.0, 30.0)]);
         walled.normals.extend([DVec3::X; 2]);
         walled.indices.extend([2, 1, 5, 2, 5, 4]);
         assert!(of(&walled, &[at(0.0, 0.0, 0.0)]).is_ok());
-        // A second layer under the first is hidden although every facet faces the sun.
+        // A second layer below the first is hidden, although every facet faces the sun.
         let mut stacked = flat.clone();
         stacked.positions.extend(flat.positions.iter().map(|p| *p - DVec3::Z * 5.0));
         stacked.normals.extend(flat.normals.iter());

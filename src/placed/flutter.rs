@@ -1,13 +1,14 @@
-//! Torsional flutter of a plant's leaves: each turns to and fro about its own axis, from where it hangs to its tip.
+//! Torsional flutter of a plant's leaves. Each turns back and forth about its own axis, from the place where it hangs
+//! to its tip.
 //!
-//! The angle comes from three motion textures (H9 §4.6), in the planes xy, yz and xz. They are carried along by the
-//! wind, so that a gust reaches one leaf after the other. A leaf's place decides where it reads them. The weights are
-//! those of Eq. 4.27, [normalised](mesophyll_plant::wind::leaf_weights), and divided once more by their root sum of
-//! squares: three independent fields together then have the power of one. Each plane is crossed with the textures' own
-//! speed, whatever part of the wind lies in it, so that its frequencies are right.
+//! The angle comes from three motion textures (H9 §4.6), in the planes xy, yz and xz. The wind moves them, so that a
+//! gust reaches one leaf after the other. A leaf's place determines where it reads them. The weights are those of Eq.
+//! 4.27, [normalised](mesophyll_plant::wind::leaf_weights), and then divided by their root sum of squares. So three
+//! independent fields together have the power of one. Each plane is crossed at the textures' own speed, whatever the
+//! wind's component in it, so that its frequencies are right.
 //!
-//! A leaf is an oscillator as a branch is (Eq. 4.16), whose angle follows the wind's speed; its mean is 0, and without
-//! wind nothing moves. The textures hold frequencies from 1/64 of a leaf's resonance to twice it.
+//! Like a branch, a leaf is an oscillator (Eq. 4.16). Its angle follows the wind's speed with a mean of 0, and without
+//! wind nothing moves. The textures hold frequencies from 1/64 of a leaf's resonance to twice the resonance.
 
 use super::plant::Planted;
 use crate::ledger::Ledger;
@@ -21,25 +22,25 @@ use mesophyll_plant::wind::{Oscillator, Sway, Wind, leaf_weights};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Texels a side of a texture.
+/// Texels along a side of a texture.
 const SIDE: usize = 1024;
-/// Angles (rad) are as they come up to the first, and approach the second above.
+/// Angles (rad) are unchanged up to the first limit, and approach the second one above.
 const FREE: f64 = 0.8;
 const FURTHEST: f64 = 1.4;
 
-/// Textures that one kind of flutter takes (8 MB each).
+/// Number of textures for one kind of flutter (8 MB each).
 pub const TEXTURES: usize = 3;
 
-/// What turns all leaves of a scene that flutter alike.
+/// The gusts for all leaves of a scene with the same flutter.
 #[derive(Debug)]
 pub struct Gusts {
-    /// Its spectrum: of the angle (rad).
+    /// The spectrum of the angle (rad).
     pub sway: Sway,
     textures: [Motion; TEXTURES],
 }
 
 impl Gusts {
-    /// `None` where the spectrum is not finite and positive.
+    /// Makes the gusts; `None` where the spectrum is not finite and positive.
     pub fn new(said: &Flutter, wind: Wind, seed: u64, ledger: &Ledger) -> Option<Gusts> {
         let resonance = said.resonance_hz;
         let oscillator = Oscillator { resonance, damping: said.damping * 2.0 * TAU * resonance };
@@ -59,17 +60,17 @@ impl Gusts {
 #[derive(Debug)]
 pub struct Fluttering {
     gusts: Arc<Gusts>,
-    /// Of the textures; normalised in their squares.
+    /// Weights of the textures. The sum of their squares is 1.
     weights: [f64; 3],
-    /// In each plane, the direction in which a leaf goes through the texture.
+    /// For each plane, the direction in which a leaf moves through the texture.
     ways: [DVec2; 3],
-    /// A leaf each, in the plant's frame: where it hangs, and its axis.
+    /// For each leaf, in the plant's frame, the place where it hangs and its axis.
     hangs: Vec<(DVec3, DVec3)>,
     places: Vec<DMat4>,
 }
 
 impl Fluttering {
-    /// In a wind that blows `towards` (a unit vector).
+    /// The flutter in a wind that blows `towards` (a unit vector).
     pub fn new(gusts: Arc<Gusts>, towards: DVec3, planted: &Planted) -> Fluttering {
         let weights = leaf_weights(towards.to_array());
         let norm = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
@@ -78,7 +79,7 @@ impl Fluttering {
         Fluttering { gusts, weights: weights.map(|w| w / norm), ways, hangs, places }
     }
 
-    /// The angle (rad) of a leaf at a place and a time (s), as the spectrum has it.
+    /// The angle (rad) of a leaf at a place and a time (s), with the spectrum above.
     pub fn angle(&self, place: usize, leaf: usize, time: f64) -> f64 {
         let point = self.places[place].transform_point3(self.hangs[leaf].0) / 1e3;
         let speed = self.gusts.sway.wind.speed;
@@ -87,7 +88,7 @@ impl Fluttering {
             self.gusts.textures.iter().zip(self.weights).zip(self.ways).zip(planes(point))
         {
             if weight > 0.0 {
-                // The field moves with the wind; the leaf stays where it is.
+                // The field moves with the wind, and the leaf stays at its place.
                 let along = time - within.dot(way) / speed;
                 let across = within.dot(way.perp()) / speed;
                 let at = motion.speed() * (along * way + across * way.perp());
@@ -97,7 +98,7 @@ impl Fluttering {
         sum
     }
 
-    /// How every leaf of the plant at a place turns from rest at a time (s), in the plant's frame.
+    /// The rotation from rest of every leaf of the plant at a place and a time (s), in the plant's frame.
     pub fn turns(&self, place: usize, time: f64) -> Vec<Rigid> {
         let turn = |(leaf, (hang, axis)): (usize, &(DVec3, DVec3))| {
             let angle = self.angle(place, leaf, time);
@@ -108,12 +109,12 @@ impl Fluttering {
     }
 }
 
-/// The parts of a vector in the planes xy, yz and xz.
+/// The components of a vector in the planes xy, yz and xz.
 fn planes(v: DVec3) -> [DVec2; 3] {
     [DVec2::new(v.x, v.y), DVec2::new(v.y, v.z), DVec2::new(v.x, v.z)]
 }
 
-/// Where each leaf hangs on its branch, and the unit direction from there to the blade's tip.
+/// The place where each leaf hangs on its branch, and the unit direction from there to the blade's tip.
 fn hangs(plant: &Plant) -> Vec<(DVec3, DVec3)> {
     let one = |leaf: &mesophyll_flora::form::Leaf| {
         let (hang, along) = plant.hang(leaf);
@@ -122,12 +123,12 @@ fn hangs(plant: &Plant) -> Vec<(DVec3, DVec3)> {
     plant.leaves.iter().map(one).collect()
 }
 
-/// Passages of a texture for which a line through it should not come near to itself: ten minutes of leaves with the
-/// highest resonance that a scene may ask for ([`mesophyll_manifest::MOST_LEAF_RESONANCE`]).
+/// The number of passages of a texture in which a line through it should not come near itself. It is ten minutes for
+/// leaves with the highest resonance that a scene may have ([`mesophyll_manifest::MOST_LEAF_RESONANCE`]).
 const PASSAGES: i32 = 60;
 
-/// The direction near `way` whose line stays away from itself longest: the textures repeat, so that a line along x
-/// would be back after one passage.
+/// The direction near `way` whose line stays away from itself longest. The textures repeat, so a line along x would
+/// return after one passage.
 pub(super) fn unrepeated(way: DVec2) -> DVec2 {
     let mut best = (way, back(way));
     for k in 1..=40 {
@@ -145,9 +146,9 @@ pub(super) fn unrepeated(way: DVec2) -> DVec2 {
     best.0
 }
 
-/// After how many passages a line is back near where it was; [`PASSAGES`] where it is later.
+/// The number of passages after which a line returns near its beginning, at most [`PASSAGES`].
 fn back(d: DVec2) -> f64 {
-    // A wave of the highest frequency is this wide.
+    // The width of a wave with the highest frequency.
     let apart = mesophyll_plant::motion::TEXELS_A_CYCLE as f64 / SIDE as f64;
     let all = (-PASSAGES..=PASSAGES).flat_map(|p| (-PASSAGES..=PASSAGES).map(move |q| (p, q)));
     all.filter(|(p, q)| (*p, *q) != (0, 0))
@@ -174,8 +175,8 @@ mod tests {
         (planted, flutter)
     }
 
-    /// Whatever the wind's direction, leaves of the highest resonance that a scene may ask for are not back within ten
-    /// minutes; and a wind that has no gusts gives no textures.
+    /// For all directions of the wind, leaves with the highest resonance that a scene may have do not repeat within ten
+    /// minutes. A wind without gusts gives no textures.
     #[test]
     fn lines_in_all_directions_stay_away_from_themselves() {
         let resonance_hz = mesophyll_manifest::MOST_LEAF_RESONANCE;
@@ -192,8 +193,9 @@ mod tests {
         assert!(Gusts::new(&said, Wind { speed: 1e-150, turbulence: 0.3 }, 7, &Ledger::new()).is_none());
     }
 
-    /// Angles of leaves over nine thousand periods, by a discrete Fourier transform of segments, against the formula.
-    /// An isotropic texture has its own deviation of .08 in log10 (see `lines_have_the_wanted_spectrum`).
+    /// The spectrum of the leaves' angles over nine thousand periods, by a discrete Fourier transform of segments,
+    /// agrees with the formula. An isotropic texture itself deviates by .08 in log10 (see
+    /// `lines_have_the_wanted_spectrum`).
     #[test]
     fn leaves_have_the_spectrum_of_their_resonance() {
         let (_, flutter) = fluttering(4.0, 0.5);
@@ -218,7 +220,7 @@ mod tests {
                         re += window * v * cos;
                         im += window * v * sin;
                     }
-                    // Hann's window holds 3/8 of the power.
+                    // Hann's window keeps 3/8 of the power.
                     have += 2.0 * dt * (re * re + im * im) / (0.375 * segment as f64) / readings.len() as f64;
                 }
             }
@@ -240,7 +242,7 @@ mod tests {
             let sum: f64 = (0..n).map(|k| flutter.angle(0, k % 100, 0.37 * k as f64).powi(2)).sum();
             (sum / n as f64).sqrt()
         };
-        // The plane that the wind crosses head-on gets nothing; the others hold the power of one.
+        // The plane that the wind crosses at a right angle gets nothing. The others together have the power of one.
         assert!(flutter.weights[1] == 0.0 && (flutter.weights[0].hypot(flutter.weights[2]) - 1.0).abs() < 1e-12);
         for (leaf, turn) in plant.leaves.iter().zip(flutter.turns(0, 3.0)) {
             let hang = plant.branches[leaf.joint.branch].point(leaf.joint.at).0;
@@ -249,10 +251,10 @@ mod tests {
             let tip = leaf.transform.transform_point3(DVec3::X * tip);
             assert!(turn.place(tip).distance(tip) < 1e-9);
         }
-        // Spectra are proportional to the cube of the speed at low frequencies, and less so above.
+        // Spectra are proportional to the cube of the speed at low frequencies, and grow less above.
         let (weak, strong) = (rms(&fluttering(1.0, 0.0).1), rms(&flutter));
         assert!(strong > 2.0 * weak && strong < 12.0 * weak && strong > 0.02, "{weak} {strong}");
-        // A storm turns no leaf over.
+        // A storm turns no leaf upside down.
         let (_, storm) = fluttering(60.0, 0.3);
         assert!((0..20).flat_map(|k| storm.turns(0, f64::from(k))).all(|t| t.turn.z_axis.is_finite()));
         let most = (0..20).flat_map(|k| storm.turns(0, f64::from(k)));
@@ -260,7 +262,7 @@ mod tests {
         assert!(most.fold(0.0, f64::max) <= FURTHEST + 1e-6);
     }
 
-    /// Along the axes too, no line comes near to itself for ten minutes.
+    /// No line comes near itself for ten minutes, not even along the axes.
     #[test]
     fn flutter_does_not_repeat_within_ten_minutes() {
         let (_, flutter) = fluttering(4.0, 0.0);

@@ -1,4 +1,4 @@
-//! Lawns: the blades of a meadow for the path tracer, and the slices that stand for them in real time.
+//! Lawns: the blades of a meadow for the path tracer, and the slices that represent them in real time.
 
 use super::leaning::{Gusts, Leaning};
 use crate::ledger::Ledger;
@@ -13,39 +13,39 @@ use mesophyll_manifest::{Grass as Config, Manifest};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
-/// Slices that are made with a start: figures that cost seconds. Rays along each side of a texel; points of entry along
-/// each side of the rectangle, for the weights.
+/// Settings for slices that are made at the start, which take seconds: rays along each side of a texel, and points of
+/// entry along each side of the rectangle for the weights.
 const RAYS: usize = 3;
 const ENTRIES: usize = 24;
-/// Where the file of a scene does not say.
+/// Texels of a slice where the scene file does not state them.
 const TEXELS: [usize; 2] = [128, 32];
-/// No lawn reaches farther from the origin along x or y (mm): single precision has steps of 1/16 mm there.
+/// The largest distance of a lawn from the origin along x or y (mm). Single precision has steps of 1/16 mm there.
 const FARTHEST: f64 = 1e6;
-/// A fit's figures are those of its meadow to so many parts: a glTF file holds single precision.
+/// The largest relative difference between a fit's figures and those of its meadow. A glTF file has single precision.
 const SAME: f64 = 1e-3;
 
 /// A lawn of the scene.
 #[derive(Debug)]
 pub struct Grass {
-    /// Index into the manifest's.
+    /// Index into the manifest's lawns.
     pub index: usize,
-    /// What it is called.
+    /// Name of the lawn.
     pub name: String,
     /// The blades of one rectangle.
     pub plant: Plant,
-    /// What they reflect and let through.
+    /// Their reflectance and transmittance.
     pub leaves: Leaves,
-    /// The rectangle (mm).
+    /// Size of the rectangle (mm).
     pub period: [f64; 2],
-    /// How often it is laid along x and y.
+    /// How many rectangles are laid along x and along y.
     pub tiles: [usize; 2],
     /// The middle of the first rectangle (least x, least y), on the ground.
     pub origin: DVec3,
-    /// Of the highest tip over the ground (mm).
+    /// Height of the highest tip over the ground (mm).
     pub height: f64,
-    /// How the wind leans it, where it does.
+    /// How the wind leans the lawn, if it does.
     pub leaning: Option<Leaning>,
-    /// The meadow's file.
+    /// Path of the meadow's file.
     path: PathBuf,
     slices: OnceLock<Arc<Slices>>,
 }
@@ -53,8 +53,9 @@ pub struct Grass {
 /// Every lawn of the scene.
 ///
 /// # Errors
-/// [`Error::Input`] for a meadow or a table that cannot be read, a meadow that does not repeat, a material that the table
-/// does not have, a fit that is not there, slices of more texels than a fit may have, and for a lawn that reaches too far.
+/// [`Error::Input`] for a meadow or a table that cannot be read, a meadow that does not repeat, a material that the
+/// table lacks, a fit that does not exist, slices with more texels than a fit may have, and a lawn that reaches too
+/// far.
 pub fn lawns(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Grass>> {
     let all = manifest.grass.iter().enumerate().map(|(index, config)| lawn(manifest, index, config, ledger));
     let mut lawns = all.collect::<Result<Vec<Grass>>>()?;
@@ -62,7 +63,7 @@ pub fn lawns(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Grass>> {
     Ok(lawns)
 }
 
-/// Lets the wind lean the lawns that it has a hold of.
+/// Leans the lawns on which the wind has an effect.
 fn lean(manifest: &Manifest, lawns: &mut [Grass], ledger: &Ledger) -> Result<()> {
     let leans = |lawn: &Grass| manifest.grass[lawn.index].lean_per_m_s;
     let tallest = lawns.iter().filter(|lawn| leans(lawn) > 0.0).map(|lawn| lawn.height).fold(0.0, f64::max);
@@ -145,7 +146,7 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
     })
 }
 
-/// How slices are made where there is no fit.
+/// The options for making slices where there is no fit.
 fn options(config: &Config) -> Options {
     Options {
         slices: config.slices.unwrap_or(Options::default().slices),
@@ -161,7 +162,7 @@ fn field(manifest: &Manifest, config: &Config, key: &str, told: String) -> Error
 }
 
 impl Grass {
-    /// Where the rectangle stands in the world, each time.
+    /// The transforms of all rectangles to the world.
     pub fn places(&self) -> impl Iterator<Item = DMat4> + '_ {
         let [nx, ny] = self.tiles;
         (0..nx * ny).map(move |k| {
@@ -170,16 +171,16 @@ impl Grass {
         })
     }
 
-    /// How slices are made where there is no fit.
+    /// The options for making slices where there is no fit.
     pub fn options(&self, manifest: &Manifest) -> Options {
         options(&manifest.grass[self.index])
     }
 
-    /// The slices, opened or made when they are first asked for.
+    /// The slices, which are opened or made when they are needed for the first time.
     ///
     /// # Errors
     /// [`Error::Input`] for a damaged fit, or one of another meadow or with another table of leaves, and where there is
-    /// not the memory to make slices.
+    /// not enough memory to make slices.
     pub fn slices(&self, manifest: &Manifest, ledger: &Ledger) -> Result<Arc<Slices>> {
         if let Some(known) = self.slices.get() {
             return Ok(Arc::clone(known));

@@ -1,4 +1,4 @@
-//! One of the scene's leaves in the world: where its fit is, its blade, and which of its sides are seen and lit.
+//! One of the scene's leaves in the world: its fit, its blade, and which of its sides are seen and lit.
 
 use super::branch;
 use super::daylight;
@@ -18,44 +18,45 @@ use mesophyll_manifest::{Manifest, ViewKind};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// How a scene's leaves are looked for.
+/// How a scene's leaves are searched for.
 #[derive(Clone, Copy, Default)]
 pub struct Search<'a> {
-    /// A run's folder with fits of its own.
+    /// A run's folder with its own fits.
     pub out: Option<&'a Path>,
-    /// Tells whether a capture is still what a fit was made from; when absent, every fit counts as up to date.
+    /// Computes the present input hash of a capture, to compare with that of a fit. When absent, every fit counts as up
+    /// to date.
     pub input_hash: Option<InputHash<'a>>,
-    /// For a window, where camera, sun and sliders may go anywhere: every side counts as seen and lit.
+    /// Whether this is for a window, where camera, sun and sliders are free. Then every side counts as seen and lit.
     pub free: bool,
 }
 
-/// A leaf of the manifest and what is there of it.
+/// A leaf of the manifest, with its data.
 #[derive(Debug, Default)]
 pub struct Leaf {
     /// Index into the manifest's leaves.
     pub index: usize,
-    /// A perspective view, a card or a view of its scan shows it.
+    /// Whether a perspective view, a card or a view of its scan shows it.
     pub used: bool,
-    /// Where its fit comes from; `None` for a leaf that nothing shows.
+    /// The source of its fit; `None` for a leaf that nothing shows.
     pub source: Option<Source>,
-    /// How it reflects stands in the manifest: there is nothing to fit.
+    /// Whether its reflection is stated in the manifest, so that nothing must be fitted.
     pub uniform: bool,
-    /// Open when the leaf is used and its fit is up to date.
+    /// Its fit, which is open when the leaf is used and the fit is up to date.
     pub fitted: Option<LeafFit>,
-    /// Where the mesh is read from.
+    /// Path of its mesh.
     pub mesh_path: PathBuf,
-    /// Read where the leaf is placed and its fit is there.
+    /// Its mesh, which is read where the leaf is placed and its fit exists.
     pub mesh: Option<LeafMesh>,
-    /// What perspective views see of it.
+    /// The sides that perspective views see.
     pub facing: Facing,
-    /// What card views see of it.
+    /// The sides that card views see.
     pub on_cards: Facing,
-    /// Where the scene asks for it.
+    /// Its translucency maps, where the scene requests them.
     pub translucent: Option<Translucent>,
 }
 
 impl Leaf {
-    /// Looks for leaf `index` of the manifest.
+    /// Searches for leaf `index` of the manifest.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, or a damaged mesh.
@@ -139,13 +140,13 @@ impl Leaf {
         })
     }
 
-    /// The file name of its mesh.
+    /// File name of its mesh.
     pub fn mesh_name(&self) -> String {
         self.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     }
 }
 
-/// The blades of one material of a plant's file, or of what a description grows.
+/// The blades of one material, from a plant's file or from a description that is grown.
 fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
     let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let plant = if described { grow::described(path, None)? } else { file::read(path)? };
@@ -163,7 +164,7 @@ fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
     Ok(mesh)
 }
 
-/// What the views (eye and time) see of all placements of one leaf.
+/// The sides of one leaf that the views (eye and time) see over all its placements.
 fn seen(
     manifest: &Manifest,
     name: &str,
@@ -176,7 +177,7 @@ fn seen(
     let mut facing = Facing::default();
     let bar = Bar::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
     let bends = |p: &Placement| moves.any() && p.ride.is_some();
-    // What moves is gone through time by time: plants are posed once for each.
+    // Moving placements are tested time by time, because plants are posed once for each time.
     for (eye, time) in views {
         for p in placements.iter().filter(|p| bends(p)) {
             if mesophyll_files::progress::stop_requested() {

@@ -1,11 +1,12 @@
 //! How the wind leans a lawn: a map of gusts that repeats and moves with the wind (H9 §2.3.2).
 //!
-//! Blades are light and follow the wind at once: the way of a blade's point over its height is proportional to the wind's
-//! speed (Eq. 4.19), whose spectrum is that of Eq. 4.15. The map is a motion texture of that spectrum, isotropic, with one
-//! channel along the wind and one across it. It moves with the wind and does not change on its way (Taylor's hypothesis),
-//! so that a gust reaches one blade after the other. Its shortest wave is [`WAVES`] times as long as the tallest lawn of the
-//! scene is high: what is shorter would bend single blades to and fro (H9 §4.7.2 takes 4 lengths of a leaf). Its longest is
-//! as many of these as the texture holds; all lawns of a scene have the same gusts.
+//! Blades are light and follow the wind immediately. The lean of a blade, which is the displacement of a point over its
+//! height, is proportional to the wind's speed (Eq. 4.19), whose spectrum is Eq. 4.15. The map is an isotropic motion
+//! texture with this spectrum, with one channel along the wind and one across it. It moves with the wind without
+//! changing (Taylor's hypothesis), so that a gust reaches one blade after the other. Its shortest wave is [`WAVES`]
+//! times the height of the tallest lawn in the scene. Shorter waves would bend single blades back and forth (H9 §4.7.2
+//! uses 4 lengths of a leaf). Its longest wave follows from the size of the texture. All lawns of a scene have the same
+//! gusts.
 
 use super::branch::{MOTION_SIDE, wind_direction};
 use super::flutter::unrepeated;
@@ -18,36 +19,36 @@ use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::Wind;
 use std::sync::Arc;
 
-/// Length of the shortest wave over the height of the tallest lawn.
+/// Length of the shortest wave, relative to the height of the tallest lawn.
 pub const WAVES: f64 = 4.0;
-/// Rounds after which a blade's place is found; each divides its error by 6 or more in the strongest gust.
+/// Number of iterations for a blade's place. Each divides its error by at least 6 in the strongest gust.
 const ROUNDS: usize = 16;
 
 /// The gusts of a scene (m/s).
 #[derive(Debug)]
 pub struct Gusts {
-    /// The mean wind.
+    /// The mean wind and its turbulence.
     pub wind: Wind,
-    /// What is added to it, along it and across it.
+    /// The variation of the wind, along it and across it.
     pub motion: Motion,
-    /// Where the wind blows to, so that no line along it comes back soon.
+    /// The direction that the wind blows to, changed slightly so that a line along it does not return soon.
     pub way: DVec2,
 }
 
-/// How a lawn leans in them.
+/// How a lawn leans in the gusts.
 #[derive(Debug, Clone)]
 pub struct Leaning {
-    /// What leans it.
+    /// The gusts that lean it.
     pub gusts: Arc<Gusts>,
-    /// The way of a point over its height, for each m/s.
+    /// The displacement of a point over its height, for each m/s.
     pub lean_per_m_s: f64,
 }
 
 impl Gusts {
-    /// For lawns of which the tallest is so high (mm); `None` without a wind.
+    /// The gusts for lawns whose tallest has this height (mm); `None` without a wind.
     ///
     /// # Errors
-    /// [`Error::Input`] where the wind has no spectrum that is positive and finite.
+    /// [`Error::Input`] where the wind's spectrum is not positive and finite.
     pub fn new(manifest: &Manifest, tallest: f64, ledger: &Ledger) -> Result<Option<Arc<Gusts>>> {
         let Some(said) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else { return Ok(None) };
         let wind = Wind { speed: said.speed_m_s, turbulence: said.turbulence };
@@ -65,12 +66,12 @@ impl Gusts {
     /// Sides of the map for each mm along x and along y.
     pub fn turn(&self) -> [DVec2; 2] {
         let side = self.motion.speed() / self.wind.speed / 1e3;
-        // The map moves with the wind: what is farther along it meets a gust later.
+        // The map moves with the wind, so a gust arrives later at a place that is further along the wind.
         [DVec2::X, DVec2::Y]
             .map(|axis| side * (axis.dot(self.way.perp()) * self.way.perp() - axis.dot(self.way) * self.way))
     }
 
-    /// Sides of the map a second.
+    /// Sides of the map for each second.
     pub fn drift(&self) -> DVec2 {
         self.motion.speed() * self.way
     }
@@ -82,25 +83,25 @@ impl Gusts {
         self.way * self.wind.speed + self.across(self.motion.sample(at.to_array()))
     }
 
-    /// Both channels of the map along x and y.
+    /// Both channels of the map as a vector along x and y.
     pub fn across(&self, channels: [f64; 2]) -> DVec2 {
         self.way * channels[0] + self.way.perp() * channels[1]
     }
 
-    /// The strongest wind (m/s) that is reckoned with: four standard deviations over the mean.
+    /// The strongest wind (m/s) that is taken into account: four standard deviations above the mean.
     pub fn strongest(&self) -> f64 {
         self.wind.speed + 4.0 * self.motion.rms()[0]
     }
 }
 
 impl Leaning {
-    /// How far a blade's point at a place (mm, where it is) and a time (s) goes along x and y, over its height.
+    /// The lean of a blade's point along x and y, at its moved place (mm) and a time (s).
     pub fn at(&self, place: DVec2, time: f64) -> DVec2 {
         self.lean_per_m_s * self.gusts.at(place, time)
     }
 
-    /// Where the wind has a point and a normal of a blade that is at `point` (mm, z over the lawn's ground) without wind. A
-    /// point below the ground stays.
+    /// The place and the normal in the wind of a blade's point that is at `point` without wind (mm, z over the lawn's
+    /// ground). A point below the ground does not move.
     pub fn bent(&self, point: DVec3, normal: DVec3, time: f64) -> (DVec3, DVec3) {
         let height = point.z.max(0.0);
         let rest = point.truncate();
@@ -124,7 +125,7 @@ mod tests {
     use std::f64::consts::{PI, TAU};
     use std::sync::LazyLock;
 
-    /// One map for all tests: it takes seconds.
+    /// All tests share one map, which takes seconds.
     static GUSTS: LazyLock<Arc<Gusts>> = LazyLock::new(|| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
         let mut manifest = Manifest::read(&path).unwrap();
@@ -136,9 +137,9 @@ mod tests {
         made
     });
 
-    /// What a blade feels over time has the spectrum of Eq. 4.15, along the wind and across it, by a discrete Fourier
-    /// transform of segments. An isotropic texture has a deviation of .08 in log10 of its own, and 16 segments of 8 bins and
-    /// more scatter by 9 % (.04) or less.
+    /// The wind at a blade over time has the spectrum of Eq. 4.15, along the wind and across it, by a discrete Fourier
+    /// transform of segments. An isotropic texture itself deviates by .08 in log10. 16 segments with at least 8 bins
+    /// scatter by at most 9 % (.04).
     #[test]
     fn a_blade_feels_the_wind_of_chapter_four() {
         let gusts = &GUSTS;
@@ -159,7 +160,7 @@ mod tests {
                             re += window * (v.dot(axis) - mean) * cos;
                             im += window * (v.dot(axis) - mean) * sin;
                         }
-                        // Hann's window holds 3/8 of the power.
+                        // Hann's window keeps 3/8 of the power.
                         have += 2.0 * dt * (re * re + im * im) / (0.375 * segment as f64) / 16.0;
                     }
                 }
@@ -170,7 +171,7 @@ mod tests {
         }
     }
 
-    /// A gust arrives later farther along the wind, and is what it was; the map is several lawns wide.
+    /// A gust arrives later at a place further along the wind, and is unchanged. The map is several lawns wide.
     #[test]
     fn gusts_move_with_the_wind() {
         let gusts = &GUSTS;
@@ -184,7 +185,8 @@ mod tests {
         assert!(gusts.way.angle_to(DVec2::from_angle(30f64.to_radians())).abs() < 0.17);
     }
 
-    /// A bent point is where the lawn that leans there has it, roots stay, and normals stay across the blade.
+    /// A bent point is where the lean at that place puts it. Roots do not move, and normals stay at right angles to the
+    /// blade.
     #[test]
     fn blades_lean_as_the_field_says_where_they_are() {
         let leaning = Leaning { gusts: Arc::clone(&GUSTS), lean_per_m_s: 0.1 };

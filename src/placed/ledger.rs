@@ -1,23 +1,23 @@
-//! What was really done: every fit, file read, curve and upload with its bytes and time, so that the plan's promises
-//! can be counted.
+//! A record of what was done: every fit, file read, curve and upload, with its bytes and time. With it, the plan's
+//! promises can be counted.
 
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// One thing done.
+/// One action.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Entry {
-    /// `fit`, `read`, `hash`, `curve`, `solve`, …
+    /// Kind of the action: `fit`, `read`, `hash`, `curve`, `solve`, …
     pub action: &'static str,
-    /// `elm/front.exr`.
+    /// Its object, for example `elm/front.exr`.
     pub what: String,
-    /// Bytes read or made; 0 where it is no matter of bytes.
+    /// Bytes that were read or made; 0 for other actions.
     pub bytes: u64,
-    /// How long it took.
+    /// Time that it took (ms).
     pub ms: f64,
 }
 
-/// A list of things done, shared by the workers.
+/// A list of actions, which all workers share.
 #[derive(Debug, Default)]
 pub struct Ledger(Mutex<Vec<Entry>>);
 
@@ -27,7 +27,7 @@ impl Ledger {
         Ledger::default()
     }
 
-    /// Does `body`, timed, and notes it.
+    /// Runs `body`, measures its time, and notes it.
     pub fn note<T>(&self, action: &'static str, what: impl Into<String>, bytes: u64, body: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let out = body();
@@ -38,12 +38,12 @@ impl Ledger {
         out
     }
 
-    /// A copy of the list, in the order in which things were finished.
+    /// A copy of the list, in the order in which actions were finished.
     pub fn entries(&self) -> Vec<Entry> {
         self.0.lock().map(|l| l.clone()).unwrap_or_default()
     }
 
-    /// How often `action` was done to something whose name ends in `suffix`.
+    /// How often `action` was done to an object whose name ends in `suffix`.
     pub fn count(&self, action: &str, suffix: &str) -> usize {
         self.entries().iter().filter(|e| e.action == action && e.what.ends_with(suffix)).count()
     }

@@ -1,7 +1,7 @@
-//! What stands where in the world, what lights it, and who sees which side of it. What a scene file says is the room
-//! `manifest`, below this one; the room `scene`, above it, decides what of all this is needed.
+//! The things in the world and their places, their light, and which camera sees which of their sides. The room
+//! `manifest`, below this one, holds the content of a scene file. The room `scene`, above it, decides what is needed.
 //!
-//! [`fits`] are the folders that a scene's leaves come from, and [`ledger`] keeps a list of what was done for it.
+//! [`fits`] are the folders that a scene's leaves come from, and [`ledger`] records what was done.
 
 #![warn(missing_docs)]
 
@@ -41,14 +41,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winds::Winds;
 
-/// A scene's leaves, branches and wood where they stand.
+/// A scene's leaves, branches and wood at their places.
 #[derive(Debug)]
 pub struct Placed {
-    /// In the manifest's order.
+    /// The leaves, in the manifest's order.
     pub leaves: Vec<Leaf>,
-    /// Where leaves stand at rest.
+    /// The placements of leaves at rest.
     pub placements: Vec<Placement>,
-    /// Where perspective views look from.
+    /// The places of the cameras of perspective views.
     pub eyes: Vec<DVec3>,
     /// Branches at rest, with their meshes.
     pub twigs: Vec<(Twig, LeafMesh)>,
@@ -56,20 +56,20 @@ pub struct Placed {
     pub wood: Vec<Wood>,
     /// Lawns on the ground.
     pub grass: Vec<grass::Grass>,
-    /// The ground, and its reflectance.
+    /// The ground and its reflectance.
     pub ground: Option<(LeafMesh, [f64; 3])>,
-    /// `None` where no branch bends.
+    /// The branches that bend; `None` where none does.
     pub bends: Option<Bends>,
-    /// `None` where no plant moves.
+    /// The plants that move; `None` where none does.
     pub winds: Option<Arc<Winds>>,
-    /// For a window: camera, sun and sliders may go anywhere.
+    /// Whether this is for a window, where camera, sun and sliders are free.
     pub free: bool,
-    /// A run's folder with fits of its own, that of light between leaves among them.
+    /// A run's folder with its own fits, among them that of light between leaves.
     pub out: Option<PathBuf>,
 }
 
 impl Placed {
-    /// Looks for everything that the scene shows.
+    /// Searches for everything that the scene shows.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch that bends
@@ -118,13 +118,13 @@ impl Placed {
         })
     }
 
-    /// What moves.
+    /// Everything that moves.
     pub fn moves(&self) -> Moves<'_> {
         let grass = self.grass.iter().any(|lawn| lawn.leaning.is_some());
         Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref(), grass }
     }
 
-    /// A placement as branches and plants have it at a time (s).
+    /// A placement at a time (s), moved with its branch or plant.
     pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
         self.moves().placement(placement, time)
     }
@@ -134,7 +134,7 @@ impl Placed {
         self.leaves.iter().filter(|l| l.used && l.fitted.is_none() && !l.uniform).map(|l| l.index).collect()
     }
 
-    /// Leaves whose translucency maps must be made before anything can be drawn; their own fits are there.
+    /// Leaves that have their own fits, but whose translucency maps must be made before anything can be drawn.
     pub fn untranslucent(&self, manifest: &Manifest) -> Vec<usize> {
         let lacks = |l: &&Leaf| {
             let lit_through = manifest.sun.is_some() && l.facing.through.contains(&true);
@@ -144,7 +144,7 @@ impl Placed {
         self.leaves.iter().filter(lacks).map(|l| l.index).collect()
     }
 
-    /// Looks for one leaf again, after its fit was made.
+    /// Searches for one leaf again, after its fit was made.
     ///
     /// # Errors
     /// As [`Placed::new`].
@@ -155,7 +155,7 @@ impl Placed {
         Ok(())
     }
 
-    /// Makes what translucency maps are lacking, of leaves whose own fits are there, into a run's folder `out`.
+    /// Makes the missing translucency maps of leaves that have their own fits, in a run's folder `out`.
     ///
     /// # Errors
     /// As `fit translucency`.
@@ -176,7 +176,8 @@ impl Placed {
     }
 }
 
-/// Cells along a side of a ground that light arrives at between leaves, which is known at their corners.
+/// Number of cells along a side of the ground in a scene with light between leaves, which is computed at the cells'
+/// corners.
 const CELLS: usize = 48;
 
 /// The ground as a rectangle.
@@ -185,7 +186,7 @@ fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
     let [x, y] = manifest.periodic.as_ref().map_or([side; 2], |p| p.size_mm);
     let mut mesh = LeafMesh::rectangle(x, y);
     if manifest.transfer.is_some() {
-        // Fine in the middle, where things stand, and coarse at the rim.
+        // The cells are small in the middle, where things stand, and large at the rim.
         let nodes: Vec<f64> = (0..=CELLS).map(|k| 2.0 * k as f64 / CELLS as f64 - 1.0).collect();
         let at = |s: f64| 0.5 * side * s * s.abs() * (0.9 * s.abs() + 0.1);
         mesh = LeafMesh {

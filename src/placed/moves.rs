@@ -1,32 +1,33 @@
-//! What moves in a scene: branches, what hangs on them, plants and lawns in the wind.
+//! The things that move in a scene: branches, things that hang on them, plants, and lawns in the wind.
 
 use super::branch::Bends;
 use super::placement::{Placement, Ride};
 use super::winds::Winds;
 
-/// All that moves, as it is looked up.
+/// Everything that moves.
 #[derive(Debug, Clone, Copy)]
 pub struct Moves<'a> {
-    /// The scene's own branches, where they bend.
+    /// The scene's own branches, if they bend.
     pub bends: Option<&'a Bends>,
-    /// Its plants, where a wind moves them.
+    /// The scene's plants, if a wind moves them.
     pub winds: Option<&'a Winds>,
-    /// Whether a wind leans a lawn.
+    /// Whether a wind leans any lawn.
     pub grass: bool,
 }
 
 impl Moves<'_> {
-    /// Whether anything does.
+    /// Whether anything moves.
     pub fn any(&self) -> bool {
         self.bends.is_some() || self.winds.is_some() || self.grass
     }
 
-    /// Whether branches or plants do, and with them leaves, wood and their shadows. A lawn that leans moves none of them.
+    /// Whether branches or plants move, and with them leaves, wood and their shadows. A lawn that leans moves none of
+    /// these.
     pub fn plants(&self) -> bool {
         self.bends.is_some() || self.winds.is_some()
     }
 
-    /// A placement as it is at a time (s).
+    /// A placement at a time (s).
     pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
         let transform = match (rest.ride, self.bends, self.winds) {
             (Some(Ride::Branch(on)), Some(bends), _) => bends.transform(on, time, rest.transform),

@@ -1,9 +1,9 @@
-//! Where leaves stand at rest: the scene's instances, then its cluster, then its tree ([`super::tree`]); plants
-//! ([`super::plant`]) follow. Lengths in mm.
-//! What hangs on a branch has its frame there: x towards the branch's tip, z as far up as the branch allows.
+//! The placements of leaves at rest: first the scene's instances, then its cluster, then its tree ([`super::tree`]);
+//! plants ([`super::plant`]) follow. Lengths are in mm. Something that hangs on a branch has a frame there: x points to
+//! the branch's tip, and z as far up as the branch allows.
 //!
-//! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig
-//! and drooping; droop, twist and height stray by a seeded amount.
+//! A cluster is a twig along z with leaves that are a golden angle apart. Each blade's tip (its +x) points away from
+//! the twig and droops. Droop, twist and height deviate by random amounts from the seed.
 
 use super::tree;
 use glam::{DMat4, DQuat, DVec3, EulerRot};
@@ -11,23 +11,23 @@ use mesophyll_manifest::{Cluster, Instance, Manifest};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// One leaf standing somewhere: index into the manifest's leaves, and object to world.
+/// One leaf at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Index into the manifest's leaves.
     pub leaf: usize,
-    /// Leaf to world; at rest where something bends it.
+    /// The transform from the leaf to the world. It is that at rest if something bends the leaf.
     pub transform: DMat4,
-    /// What bends it.
+    /// The thing that bends it.
     pub ride: Option<Ride>,
 }
 
-/// What a placement goes along with.
+/// The thing that a placement moves with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Ride {
     /// A branch of the scene.
     Branch(OnBranch),
-    /// A section of a plant, by its number among those of the scene ([`super::sections`]).
+    /// A section of a plant, by its number among the sections of the scene ([`super::sections`]).
     Section(usize),
 }
 
@@ -36,7 +36,7 @@ pub enum Ride {
 pub struct OnBranch {
     /// Index into the manifest's branches.
     pub branch: usize,
-    /// 0 (root) to 1 (tip).
+    /// Place on the branch, from 0 (root) to 1 (tip).
     pub at: f64,
 }
 
@@ -63,12 +63,12 @@ pub fn placements(manifest: &Manifest) -> Vec<Placement> {
     out
 }
 
-/// Rotation about x, then y, then z (degrees).
+/// The rotation about x, then y, then z (degrees).
 pub fn rotation(deg: [f64; 3]) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, deg[2].to_radians(), deg[1].to_radians(), deg[0].to_radians())
 }
 
-/// Root, t, r, s of a branch of the manifest.
+/// Root, and t, r and s, of a branch of the manifest.
 pub fn frame(b: &mesophyll_manifest::Branch) -> (DVec3, [DVec3; 3]) {
     let t = DVec3::from(b.direction).normalize_or(DVec3::X);
     let up = if t.z.abs() > 0.999 { DVec3::X } else { DVec3::Z };
@@ -106,8 +106,8 @@ fn cluster_transforms(c: &Cluster) -> Vec<DMat4> {
             let azimuth = k as f64 * golden + 0.25 * stray();
             let droop = (c.droop_deg + c.spread_deg * stray()).to_radians();
             let twist = (c.spread_deg * stray()).to_radians();
-            // Blade frame: +x outward, +z (the front) up. Twist about the midrib, droop about y, then turn +x to the
-            // azimuth.
+            // In the blade's frame, +x points outward and +z (the front) up. The blade is twisted about its midrib,
+            // droops about y, and then +x is turned to the azimuth.
             let turn = DQuat::from_rotation_z(azimuth) * DQuat::from_rotation_y(droop);
             let out = turn * DVec3::X;
             DMat4::from_scale_rotation_translation(
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn rotations_apply_x_first_and_z_last() {
         let q = rotation([90.0, 0.0, 90.0]);
-        // y → z under the turn about x, which the turn about z leaves alone; x → y under the turn about z.
+        // The turn about x maps y to z, and the turn about z leaves this unchanged. The turn about z maps x to y.
         assert!((q * DVec3::Y - DVec3::Z).length() < 1e-12);
         assert!((q * DVec3::X - DVec3::Y).length() < 1e-12);
     }
@@ -149,7 +149,7 @@ mod tests {
         for t in all {
             let centre = t.transform_point3(DVec3::ZERO);
             assert!((centre.truncate().length() - 40.0 * 30f64.to_radians().cos()).abs() < 1e-9);
-            // Drooping: the tip is lower than the base, and the front faces up.
+            // The blade droops: its tip is lower than its base, and its front faces up.
             assert!((t.transform_vector3(DVec3::X).z + 0.5).abs() < 1e-9);
             assert!(t.transform_vector3(DVec3::Z).z > 0.8);
         }

@@ -1,9 +1,9 @@
-//! Whole plants of a scene: read or grown once, standing where the manifest says, at rest ([`super::winds`] moves
-//! them).
+//! Whole plants of a scene at rest. They are read or grown once, and stand where the manifest says ([`super::winds`]
+//! moves them).
 //!
-//! A plant's materials have names; the manifest says which leaf of the scene hangs where a blade has a material, and
-//! how light the bark is. A leaf is drawn in its own size times the plant's scale and the size that the plant gives the
-//! blade.
+//! A plant's materials have names. The manifest says which leaf of the scene is drawn for the blades of a material, and
+//! gives the reflectance of the bark. A leaf is drawn in its own size times the plant's scale and the size that the
+//! plant gives the blade.
 
 use super::placement::{Placement, rotation};
 use super::sections::Bark;
@@ -19,34 +19,34 @@ use rand_pcg::Pcg64;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-/// More leaves than this, of all plants together, are likelier a typing error than a wish.
+/// The largest number of leaves of all plants together. A larger number is more likely a typing error than meant.
 const MOST_LEAVES: usize = 1_000_000;
 
-/// Wood that stands in the scene.
+/// Wood in the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wood {
-    /// What it is called in what is printed.
+    /// Name of the wood in printed text.
     pub name: String,
     /// Its triangles.
     pub mesh: LeafMesh,
     /// Diffuse reflectance.
     pub bark: [f64; 3],
-    /// Mesh to world, for every place where it stands.
+    /// The transform from mesh to world, for every place where it stands.
     pub places: Vec<DMat4>,
-    /// What carries its vertices, where the wind moves it; it then stands at one place.
+    /// How its vertices are carried, where the wind moves it. It then stands at one place only.
     pub bark_moves: Option<Bark>,
 }
 
 /// A `[[plant]]` of the manifest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planted {
-    /// What it is called in what is printed.
+    /// Name of the plant in printed text.
     pub name: String,
-    /// How many of the same name stand before it, and whether others of it stand at all.
+    /// Number of plants of the same name before it, and whether there are other plants of this name at all.
     same: (usize, bool),
-    /// What stands in its file.
+    /// The plant from its file.
     pub plant: Plant,
-    /// Plant to world, for every place where it stands.
+    /// The transform from plant to world, for every place where it stands.
     pub places: Vec<DMat4>,
     /// The scene's leaf for every blade of the plant.
     leaves: Vec<usize>,
@@ -57,7 +57,7 @@ pub struct Planted {
 ///
 /// # Errors
 /// [`Error::Input`] for a file or a description that cannot be read, a material that the scene does not map, a mapped
-/// one that the plant does not have, or too many leaves.
+/// material that the plant lacks, or too many leaves.
 pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
     let mut out: Vec<Planted> = Vec::new();
     let mut total = 0;
@@ -143,8 +143,8 @@ fn one(
     Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks })
 }
 
-/// Where a plant stands: once, or spread over an area, each turned about the vertical. Places are drawn so that each
-/// keeps away from those before it.
+/// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random
+/// places keep a distance from those before them.
 fn places(said: &mesophyll_manifest::Plant) -> Vec<DMat4> {
     let at = DVec3::from(said.position_mm);
     let own = |offset: DVec3, azimuth: f64| {
@@ -158,7 +158,7 @@ fn places(said: &mesophyll_manifest::Plant) -> Vec<DMat4> {
     let mut found: Vec<DVec3> = Vec::with_capacity(said.count);
     let mut out = Vec::with_capacity(said.count);
     for _ in 0..said.count {
-        // Mitchell's best candidate of a few: the one that is furthest from all others.
+        // Mitchell's best candidate of a few: the one that is farthest from all others.
         let mut best = (DVec3::ZERO, -1.0);
         for _ in 0..8 {
             let (x, y) = (rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5);
@@ -175,7 +175,8 @@ fn places(said: &mesophyll_manifest::Plant) -> Vec<DMat4> {
 }
 
 impl Planted {
-    /// What the one at a place is called: numbered from 1 where several in the scene have the name.
+    /// The name of the plant at a place. It has a number, counted from 1, where several plants in the scene have this
+    /// name.
     pub fn name_at(&self, place: usize) -> String {
         let (before, others) = self.same;
         match others || self.places.len() > 1 {
@@ -184,7 +185,7 @@ impl Planted {
         }
     }
 
-    /// Its leaves, at every place where it stands.
+    /// Its leaves at all its places.
     pub fn placements(&self) -> impl Iterator<Item = Placement> {
         self.places.iter().flat_map(|place| {
             self.plant.leaves.iter().map(|leaf| Placement {
@@ -199,8 +200,8 @@ impl Planted {
         self.plant.branches.iter().enumerate().filter(move |(_, b)| b.material == material)
     }
 
-    /// Of every vertex of its wood, in the order of [`Planted::wood`]: the branch, and the share of the branch's axis
-    /// that is nearest.
+    /// For every vertex of its wood, in the order of [`Planted::wood`]: the branch, and the nearest share of the
+    /// branch's axis.
     pub fn bark_places(&self) -> Vec<Vec<(usize, f64)>> {
         let of = |(material, _): &(String, [f64; 3])| {
             let branches = self.made_of(material);
@@ -212,7 +213,7 @@ impl Planted {
         self.barks.iter().map(of).collect()
     }
 
-    /// Its wood, a mesh a material.
+    /// Its wood, with one mesh for each material.
     pub fn wood(&self) -> Vec<Wood> {
         self.barks
             .iter()

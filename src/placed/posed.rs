@@ -1,4 +1,4 @@
-//! A scene's plants in its wind, as files for other programs: as they stand at a time, and as an animation.
+//! A scene's plants in its wind as files for other programs: at a single time, and as an animation.
 
 use super::plant::{Planted, planted};
 use super::winds::Winds;
@@ -12,16 +12,16 @@ use mesophyll_manifest::Manifest;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// All plants of a scene and what moves them.
+/// All plants of a scene, and their motion.
 struct Standing {
     planted: Vec<Planted>,
     winds: Option<Winds>,
-    /// Whether no two branches have the same name.
+    /// Whether the names of all branches differ.
     unique: bool,
 }
 
-/// More places of nodes than this, over all times of an animation, are likelier a typing error than a wish: they take
-/// half a gigabyte.
+/// The largest number of nodes' places over all times of an animation. A larger number is more likely a typing error
+/// than meant; this one takes half a gigabyte.
 pub const MOST_PLACES: usize = 20_000_000;
 
 impl Standing {
@@ -44,7 +44,7 @@ impl Standing {
         Ok(Standing { planted, winds, unique })
     }
 
-    /// Every plant at every place: its index, the place's, and the way to the scene's frame.
+    /// Every plant at every place: its index, the index of the place, and the transform to the scene's frame.
     fn each(&self) -> impl Iterator<Item = (usize, usize, DMat4)> {
         let places = |(index, one): (usize, &Planted)| {
             one.places.iter().enumerate().map(move |(place, to_scene)| (index, place, *to_scene)).collect::<Vec<_>>()
@@ -56,7 +56,7 @@ impl Standing {
         self.winds.as_ref().and_then(|w| w.pose(index, place, time))
     }
 
-    /// All plants as one, in the scene's frame; at rest without a time.
+    /// All plants as one, in the scene's frame. Without a time it is at rest.
     fn plant(&self, manifest: &Manifest, time: Option<f64>) -> Plant {
         let mut out = Plant { name: manifest.name.clone(), ..Plant::default() };
         for (index, place, to_scene) in self.each() {
@@ -69,7 +69,7 @@ impl Standing {
         out
     }
 
-    /// How the keyed sections of all plants at all places move at a time; in the scene's frame.
+    /// The motions of the keyed sections of all plants at all places at a time, in the scene's frame.
     fn motions(&self, carried: &Carried, time: f64) -> Vec<Rigid> {
         let (mut of_branches, mut of_leaves) = (Vec::new(), Vec::new());
         for (index, place, to_scene) in self.each() {
@@ -78,7 +78,7 @@ impl Standing {
             of_branches.extend((0..plant.branches.len()).map(|own| (own, pose.clone())));
             of_leaves.extend(0..plant.leaves.len());
         }
-        // Leaves stand after the roots of all branches.
+        // Leaves come after the roots of all branches.
         let leaf = |k: usize| k.checked_sub(of_branches.len()).and_then(|k| of_leaves.get(k));
         let one = |(k, (branch, at)): (usize, &(usize, f64))| match (&of_branches[*branch], leaf(k)) {
             ((own, Some(pose)), Some(leaf)) => pose.0.leaf(*leaf, Joint { branch: *own, at: *at }).moved(pose.1),
@@ -89,17 +89,17 @@ impl Standing {
     }
 }
 
-/// All plants of a scene at a time (s), in the scene's frame. Branches keep their names where no two have the same;
-/// otherwise the plant's name stands before each, as `eval sway` prints it ([`Planted::name_at`]).
+/// All plants of a scene at a time (s), in the scene's frame. Branches keep their names if no two are equal. Otherwise
+/// each gets the plant's name as a prefix, as `eval sway` prints it ([`Planted::name_at`]).
 ///
 /// # Errors
-/// [`Error::Input`] for a scene without plants, more triangles than a plant's file may have, and as [`planted`] and
-/// [`Winds::new`].
+/// [`Error::Input`] for a scene without plants, and for more triangles than a plant's file may have; and those of
+/// [`planted`] and [`Winds::new`].
 pub fn plants(manifest: &Manifest, time: f64, ledger: &Ledger) -> Result<Plant> {
     Ok(Standing::new(manifest, ledger)?.plant(manifest, Some(time)))
 }
 
-/// All plants of a scene at rest, as [`plants`] has them.
+/// All plants of a scene at rest, with names and frame as in [`plants`].
 ///
 /// # Errors
 /// As [`plants`].
@@ -107,12 +107,12 @@ pub fn resting(manifest: &Manifest, ledger: &Ledger) -> Result<Plant> {
     Ok(Standing::new(manifest, ledger)?.plant(manifest, None))
 }
 
-/// Writes an animation of all plants of a scene from `from` (s), a key every `step` (s), to the last step at or before
-/// `until` (s); names and frame as [`plants`] has them.
+/// Writes an animation of all plants of a scene, from `from` (s) with a key every `step` (s), to the last step at or
+/// before `until` (s). Names and frame are as in [`plants`].
 ///
 /// # Errors
-/// [`Error::Input`] as [`plants`], and for a scene in which nothing moves; [`Error::Argument`] for times that are not in
-/// order, too many, fewer than two, or not apart in the file; and as [`write_moving`].
+/// [`Error::Input`] as in [`plants`], and for a scene in which nothing moves; [`Error::Argument`] for times that are
+/// out of order, too many, fewer than two, or equal in the file; and those of [`write_moving`].
 pub fn animation(manifest: &Manifest, from: f64, until: f64, step: f64, ledger: &Ledger, path: &Path) -> Result<()> {
     let keys = Keys::new(from, until, step)?;
     let standing = Standing::new(manifest, ledger)?;
@@ -129,12 +129,12 @@ pub fn animation(manifest: &Manifest, from: f64, until: f64, step: f64, ledger: 
 struct Keys {
     from: f64,
     step: f64,
-    /// Steps after the first key, a whole number.
+    /// Number of steps after the first key, a whole number.
     steps: f64,
 }
 
 impl Keys {
-    /// From `from` (s) to the last step at or before `until`: two keys or more.
+    /// The keys from `from` (s) to the last step at or before `until`, at least two.
     fn new(from: f64, until: f64, step: f64) -> Result<Keys> {
         if !from.is_finite() {
             return Err(Error::argument("--from", from, "a finite time"));
@@ -146,7 +146,7 @@ impl Keys {
             let expected = format!("a finite time after --from ({})", short(from));
             return Err(Error::argument("--until", short(until), expected));
         }
-        // The last time counts although the steps may fall short of it by rounding.
+        // The last time counts even if rounding makes the steps end slightly before it.
         let steps = ((until - from) / step + 1e-9).floor();
         if steps < 1.0 {
             let expected = format!("at most {}, from --from to --until: two keys or more", short(until - from));
@@ -155,7 +155,8 @@ impl Keys {
         Ok(Keys { from, step, steps })
     }
 
-    /// How long after the first each key is (s). A glTF file has these in single precision, and there they have to rise.
+    /// The time of each key after the first one (s). A glTF file stores them in single precision, in which they must
+    /// rise.
     fn after(&self, nodes: usize) -> Result<Vec<f64>> {
         let count = self.steps + 1.0;
         if count * nodes as f64 > MOST_PLACES as f64 {
@@ -177,7 +178,7 @@ impl Keys {
     }
 }
 
-/// A number, by powers of ten where it is very large or small.
+/// A number as text, with a power of ten where it is very large or small.
 fn short(number: f64) -> String {
     let plain = number == 0.0 || (1e-5..1e12).contains(&number.abs()) || !number.is_finite();
     if plain { number.to_string() } else { format!("{number:e}") }

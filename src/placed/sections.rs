@@ -1,5 +1,5 @@
-//! The cross-sections of a plant's branches that carry something: a leaf each, and the bark's vertices. Both renderers
-//! move plants by these alone.
+//! The cross-sections of a plant's branches that carry something: one for each leaf, and those of the bark's vertices.
+//! Both renderers move plants by these alone.
 
 use super::plant::{Planted, Wood};
 use glam::DMat4;
@@ -9,15 +9,15 @@ use mesophyll_flora::pose::{Pose, Rigid, SECTION_STEP};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The sections of one plant, which it has at each of its places.
+/// The sections of one plant, which are the same at each of its places.
 #[derive(Debug)]
 pub struct Sections {
-    /// Branch and share of its axis: the leaves' in their order, then those of the bark.
+    /// Branch and share of its axis: those of the leaves in their order, then those of the bark.
     on: Vec<(usize, f64)>,
     leaves: usize,
-    /// A wood of [`Planted::wood`]: which of them carries each vertex.
+    /// For each wood of [`Planted::wood`], the section that carries each vertex.
     bark: Vec<Arc<Vec<u32>>>,
-    /// The first of the plant's, among those of the scene.
+    /// Number of the plant's first section among those of the scene.
     first: usize,
     places: Vec<DMat4>,
 }
@@ -25,14 +25,14 @@ pub struct Sections {
 /// How the bark of a plant in the wind is carried.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bark {
-    /// Where its plant's sections begin among those of the scene.
+    /// Number of the plant's first section among those of the scene.
     pub first: usize,
-    /// A vertex each, counted from there.
+    /// The section of each vertex, counted from there.
     pub of_vertices: Arc<Vec<u32>>,
 }
 
 impl Sections {
-    /// Of a plant, whose sections follow the `first` of the scene.
+    /// The sections of a plant. They follow the `first` sections of the scene.
     pub fn new(planted: &Planted, first: usize) -> Sections {
         let mut on: Vec<(usize, f64)> = planted.plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at)).collect();
         let mut known = BTreeMap::new();
@@ -48,17 +48,17 @@ impl Sections {
         Sections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
     }
 
-    /// The first of whatever comes after.
+    /// Number of the first section after these.
     pub fn end(&self) -> usize {
         self.first + self.places.len() * self.on.len()
     }
 
-    /// Of leaf `leaf` at a place.
+    /// Number of the section of leaf `leaf` at a place.
     pub fn of_leaf(&self, place: usize, leaf: usize) -> usize {
         self.first + place * self.on.len() + leaf
     }
 
-    /// Where those of a place are in a pose, in world space, from rest.
+    /// The motions from rest of the sections of a place in a pose, in world space.
     pub fn at(&self, place: usize, pose: &Pose) -> Vec<Rigid> {
         let to_world = self.places[place];
         let own = |(k, (branch, at)): (usize, &(usize, f64))| match k < self.leaves {
@@ -68,7 +68,7 @@ impl Sections {
         self.on.iter().enumerate().map(|section| own(section).moved(to_world)).collect()
     }
 
-    /// The plant's wood at every place by itself: each is bent another way.
+    /// The plant's wood, separate for every place, because each bends differently.
     pub fn wood(&self, rest: Vec<Wood>) -> Vec<Wood> {
         let at = |(k, place): (usize, &DMat4)| {
             let first = self.of_leaf(k, 0);
@@ -83,7 +83,7 @@ impl Sections {
 }
 
 impl Wood {
-    /// Its mesh as the scene's sections carry it, in its own frame; `None` where none does.
+    /// Its mesh in its own frame, moved by the scene's sections; `None` where none carries it.
     pub fn moved(&self, sections: &[Rigid]) -> Option<LeafMesh> {
         let (bark, place) = (self.bark_moves.as_ref()?, self.places.first()?);
         let back = place.inverse();

@@ -1,6 +1,6 @@
-//! How every branch of a plant answers the wind: an oscillator (H9 Eq. 4.16, as the equation of motion gives it) of its
-//! own resonance (Eq. 4.20), with the mass of all that it carries (Eq. 4.17, and the leaves). And which branches are alike
-//! enough to share a motion texture.
+//! How every branch of a plant responds to the wind. A branch is an oscillator (H9 Eq. 4.16, as it follows from the
+//! equation of motion) with its own resonance (Eq. 4.20), and with the mass of everything that it carries (Eq. 4.17,
+//! and the leaves). Also, which branches are alike enough to share a motion texture.
 
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::carried::{carried, own_mass};
@@ -8,19 +8,19 @@ use mesophyll_flora::form::{Branch, Leaf, Plant};
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 use std::f64::consts::TAU;
 
-/// Branches share a motion texture up to this ratio of their resonances.
+/// The largest ratio of two resonances for which branches share a motion texture.
 pub const ALIKE: f64 = 1.12;
 
-/// The sway of every branch of a plant, and the mass it carries (kg).
+/// The sway of every branch of a plant, and the mass that it carries (kg).
 pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
     let metres = said.scale / 1e3;
     let blades: Vec<f64> = plant.blades.iter().map(|b| area(&b.mesh)).collect();
-    // One side of a blade (m²).
+    // Area of one side of a blade (m²).
     let of_leaf =
         |leaf: &Leaf| blades[leaf.blade] * leaf.transform.determinant().abs().cbrt().powi(2) * metres * metres;
     let across = |b: &Branch| (b.root_radius + b.tip_radius) * b.length() * metres * metres;
     let masses = carried(plant, |b| own_mass(b, said.wood_kg_m3, said.scale), |leaf| said.leaf_kg_m2 * of_leaf(leaf));
-    // Leaves that face all ways stand across the wind by half.
+    // Leaves that face all directions have half of their area across the wind.
     let areas = carried(plant, across, |leaf| 0.5 * of_leaf(leaf));
     let leafless = plant.leaves.is_empty();
     let one = |(k, branch): (usize, &Branch)| {
@@ -45,15 +45,15 @@ fn area(mesh: &LeafMesh) -> f64 {
         .sum()
 }
 
-/// Whether a sway can run through the texture of another.
+/// Whether a sway can use the texture of another.
 pub fn alike(lead: &Sway, sway: &Sway) -> bool {
     let ratio = |s: &Sway| s.oscillator.damping / s.oscillator.resonance;
     let apart = (sway.oscillator.resonance / lead.oscillator.resonance).ln().abs();
     apart <= 0.5 * ALIKE.ln() + 1e-9 && (ratio(lead) / ratio(sway) - 1.0).abs() < 1e-9
 }
 
-/// The sways that motion textures are made for: as few as will do, so that each of `sways` is alike to one of them.
-/// Each stands in the middle, by its resonance, of those that are alike to it. Their lean is 1.
+/// The sways for which motion textures are made. They are as few as possible, such that each of `sways` is alike to one
+/// of them. The resonance of each is in the middle of those that are alike to it. Their lean is 1.
 pub fn leads(mut sways: Vec<Sway>) -> Vec<Sway> {
     sways.sort_by(|a, b| a.oscillator.resonance.total_cmp(&b.oscillator.resonance));
     let mut out: Vec<Sway> = Vec::new();
@@ -88,10 +88,10 @@ mod tests {
         };
         let (a, b) = (answers(4.0, said), answers(8.0, said));
         for ((slow, mass), (fast, same)) in a.iter().flatten().zip(b.iter().flatten()) {
-            // The force is proportional to the speed, and the mass is what it was.
+            // The force is proportional to the speed, and the mass stays the same.
             assert!((fast.lean / slow.lean - 2.0).abs() < 1e-12 && mass == same);
         }
-        // The trunk carries all: the sum over cones and leaves, one by one.
+        // The trunk carries everything: the sum over cones and leaves, one by one.
         let plant = &planted[0].plant;
         let wood: f64 = plant
             .branches
@@ -108,14 +108,14 @@ mod tests {
         let resonance = 2.55 * (plant.branches[0].length() / 1e3).powf(-0.59);
         assert!((trunk.oscillator.resonance / resonance - 1.0).abs() < 1e-12);
         assert!(a.iter().skip(1).flatten().all(|(_, own)| *own < mass));
-        // As few textures as the ratio allows, and every branch has one.
+        // There are as few textures as the ratio allows, and every branch has one.
         let all: Vec<Sway> = a.iter().flatten().map(|(sway, _)| *sway).collect();
         let leads = leads(all.clone());
         assert!(all.iter().all(|s| leads.iter().any(|lead| alike(lead, s))));
         let spread = |of: fn(f64, f64) -> f64, from: f64| all.iter().map(|s| s.oscillator.resonance).fold(from, of);
         let bands = (spread(f64::max, 0.0) / spread(f64::min, f64::INFINITY)).ln() / ALIKE.ln();
         assert!(leads.len() as f64 <= bands.ceil(), "{} for {bands}", leads.len());
-        // Nothing moves without a wind, and no wind moves what it has no hold of.
+        // Nothing moves without a wind, and a wind without a hold on a plant does not move it.
         let mut free = manifest.clone();
         free.plants[0].drag_n_s_m3 = 0.0;
         assert!(answers(4.0, &free.plants[0]).iter().all(Option::is_none));

@@ -1,9 +1,9 @@
-//! A crown of leaves: limbs off a trunk, boughs off limbs, twigs off boughs, leaves in two ranks along twigs. Rigid;
-//! one seed, one tree. Lengths in mm, z up, the trunk's foot at the origin.
+//! A crown of leaves: limbs on a trunk, boughs on limbs, twigs on boughs, and leaves in two ranks along twigs. It is
+//! rigid, and one seed gives one tree. Lengths are in mm, z is up, and the trunk's foot is at the origin.
 //!
-//! Limbs reach for the surface of an ellipsoid; each further order is shorter, leaves its parent at [`FORK`], a golden
-//! angle around the parent from the one before, and strays by a seeded amount. Leaves are spread evenly over the length
-//! of all twigs.
+//! Limbs reach for the surface of an ellipsoid. Each further order is shorter and leaves its parent at the angle
+//! [`FORK`], a golden angle further around the parent than the one before, with random deviations from the seed. Leaves
+//! are spread evenly over the length of all twigs.
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -12,23 +12,23 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// How many grow on one of the order before: limbs, boughs, twigs.
+/// How many limbs, boughs and twigs grow on each branch of the order before.
 const ORDERS: [usize; 3] = [16, 9, 7];
-/// Mean angle between a branch and what it grows from (rad).
+/// Mean angle between a branch and its parent (rad).
 const FORK: f64 = 0.9;
-/// Sides of a drawn branch, by order from the trunk.
+/// Number of sides of a drawn branch, by its order from the trunk.
 const SIDES: [usize; 4] = [12, 8, 6, 4];
 
 /// One straight piece of wood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stick {
-    /// Where it begins (mm).
+    /// Place where it begins (mm).
     pub from: DVec3,
-    /// Where it ends (mm).
+    /// Place where it ends (mm).
     pub to: DVec3,
-    /// At its two ends.
+    /// Radius at its two ends.
     pub radius: [f64; 2],
-    /// 0 is the trunk.
+    /// Order of the branch; 0 is the trunk.
     pub order: usize,
 }
 
@@ -45,9 +45,9 @@ impl Stick {
 /// The wood and the leaves of a tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grown {
-    /// Pieces, the trunk's first.
+    /// The pieces of wood, the trunk first.
     pub wood: Vec<Stick>,
-    /// Object to world: blades with their tips along +x and their fronts up.
+    /// Transforms of blades to the world. Their tips are along +x and their fronts up.
     pub leaves: Vec<DMat4>,
 }
 
@@ -63,7 +63,7 @@ pub fn grow(tree: &Tree) -> Grown {
         radius: [0.018 * height, 0.004 * height],
         order: 0,
     };
-    // The crown: an ellipsoid that reaches from a fifth of the height to the top.
+    // The crown is an ellipsoid from a fifth of the height to the top.
     let middle = DVec3::new(0.0, 0.0, 0.6 * height);
     let reach = DVec3::new(crown, crown, 0.4 * height);
     let mut wood = vec![trunk];
@@ -75,22 +75,22 @@ pub fn grow(tree: &Tree) -> Grown {
             let (u, v) = along.any_orthonormal_pair();
             for i in 0..count {
                 let share = (i as f64 + 0.5 + 0.4 * stray()) / count as f64;
-                // Bare at first: a third of the trunk, a fifth of a branch.
+                // The first third of the trunk and the first fifth of a branch are bare.
                 let bare = if order == 0 { 0.3 } else { 0.2 };
                 let x = bare + (1.0 - bare) * share;
                 let from = parent.at(x);
                 let (sin, cos) = (golden * (i + k) as f64 + 0.5 * stray()).sin_cos();
-                // Low limbs reach out, high ones up.
+                // Low limbs reach outward, and high ones upward.
                 let fork = if order == 0 { 1.35 - 0.9 * share } else { FORK } + 0.2 * stray();
                 let mut toward = along * fork.cos() + (u * cos + v * sin) * fork.sin();
                 if order > 0 {
-                    // Towards the light a little.
+                    // The direction is turned slightly towards the light.
                     toward = (toward + 0.25 * DVec3::Z).normalize();
                 }
                 let length = if order == 0 {
                     0.8 * to_surface(from - middle, toward, reach)
                 } else {
-                    // Shorter towards the parent's tip.
+                    // Branches near the parent's tip are shorter.
                     let parent_length = parent.from.distance(parent.to);
                     (0.62 - 0.25 * share) * parent_length
                 };
@@ -108,7 +108,7 @@ pub fn grow(tree: &Tree) -> Grown {
         parents = children;
     }
     let twigs = parents;
-    // Equally many leaves a length of twig: where each twig ends on a line of all of them.
+    // Twigs have the same number of leaves for each length. `ends` are the ends of the twigs on a line of all of them.
     let mut total = 0.0;
     let ends: Vec<f64> = twigs
         .iter()
@@ -122,7 +122,7 @@ pub fn grow(tree: &Tree) -> Grown {
             let along = total * (k as f64 + 0.5 + 0.3 * stray()) / tree.count as f64;
             let twig = ends.partition_point(|e| *e < along).min(twigs.len() - 1);
             let length = twigs[twig].from.distance(twigs[twig].to);
-            // Bare where it leaves its bough.
+            // A twig is bare near its bough.
             let x = 0.12 + 0.88 * (1.0 - (ends[twig] - along) / length);
             leaf(tree, &twigs[twig], x.clamp(0.0, 1.0), k, &mut stray)
         })
@@ -130,7 +130,7 @@ pub fn grow(tree: &Tree) -> Grown {
     Grown { wood, leaves }
 }
 
-/// A blade in one of two ranks beside its twig, spread as flat as the twig allows.
+/// A blade in one of two ranks beside its twig, as level as the twig allows.
 fn leaf(tree: &Tree, twig: &Stick, x: f64, rank: usize, stray: &mut impl FnMut() -> f64) -> DMat4 {
     let along = twig.along();
     let beside = along.cross(DVec3::Z).normalize_or(along.any_orthonormal_vector())
@@ -147,7 +147,8 @@ fn leaf(tree: &Tree, twig: &Stick, x: f64, rank: usize, stray: &mut impl FnMut()
     DMat4::from_scale_rotation_translation(DVec3::splat(scale), turn, centre)
 }
 
-/// From inside an ellipsoid around the origin to its surface; from outside, or past it, a tenth of its reach.
+/// Distance from inside an ellipsoid around the origin to its surface. From outside, or beyond the surface, it is a
+/// tenth of the ellipsoid's reach.
 fn to_surface(from: DVec3, toward: DVec3, reach: DVec3) -> f64 {
     let (p, d) = (from / reach, toward / reach);
     let (a, b, c) = (d.length_squared(), p.dot(d), p.length_squared() - 1.0);
@@ -156,7 +157,7 @@ fn to_surface(from: DVec3, toward: DVec3, reach: DVec3) -> f64 {
     far.max(0.1 * reach.min_element())
 }
 
-/// All the wood as one mesh of cones: normals outward, v from foot to tip.
+/// All wood as one mesh of cones. Normals point outward, and v goes from foot to tip.
 pub fn wood(sticks: &[Stick]) -> LeafMesh {
     let mut mesh = LeafMesh::default();
     for stick in sticks {
@@ -211,13 +212,13 @@ mod tests {
         assert_eq!(grown.leaves.len(), 500);
         assert_eq!(grown.wood.len(), 1 + 16 + 16 * 9 + 16 * 9 * 7);
         for t in &grown.leaves {
-            // Rigid and right-handed, fronts up more or less.
+            // Transforms are rigid and right-handed, with fronts roughly up.
             assert!((t.determinant().cbrt() - t.x_axis.truncate().length()).abs() < 1e-9);
             assert!(t.transform_vector3(DVec3::Z).z > 0.0);
             let centre = t.transform_point3(DVec3::ZERO);
             assert!(centre.z > 0.0 && centre.z < 1.3 * 3000.0 && centre.truncate().length() < 1.8 * 1000.0, "{centre}");
         }
-        // Neighbours on a line of twigs are neighbours on the tree.
+        // Neighbours on the line of twigs are neighbours on the tree.
         let many = grow(&Tree { count: 20_000, ..tree() });
         let near = many.leaves.windows(2).filter(|w| w[0].w_axis.distance(w[1].w_axis) < 150.0).count();
         assert!(near > 15_000, "{near}");

@@ -1,10 +1,10 @@
-//! How the scene's plants sway: what every branch carries, how far the wind takes it, and when.
+//! How the scene's plants sway: what every branch carries, how far the wind moves it, and when.
 //!
-//! A branch is an oscillator ([`super::sways`]), and the wind's force on all that it carries is proportional to its speed
-//! (Eq. 4.19). Gusts come from motion textures. H9 has one a level of the branching, and lets a branch of another
-//! resonance run faster through it. The branch's spectrum would then be right only if the wind's were a power of the
-//! frequency, which it is not. Here branches share a texture whose resonances are within [`super::sways::ALIKE`] of each
-//! other, whatever their level.
+//! A branch is an oscillator ([`super::sways`]). The wind's force on everything that it carries is proportional to the
+//! wind's speed (Eq. 4.19). Gusts come from motion textures. H9 has one for each level of branching, and a branch with
+//! another resonance runs faster through it. The branch's spectrum would then be right only if the wind's spectrum were
+//! a power of the frequency, which it is not. Here, branches share a texture if their resonances are within
+//! [`super::sways::ALIKE`] of each other, whatever their level.
 
 use super::branch::{MOTION_SIDE, variance, wind_direction};
 use super::flutter::{Fluttering, Gusts, TEXTURES};
@@ -23,54 +23,55 @@ use mesophyll_plant::wind::{Sway, Wind};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
-/// How one branch answers the wind.
+/// How one branch responds to the wind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     /// Wind, resonance, damping and lean.
     pub sway: Sway,
-    /// Mass (kg) of all that it carries.
+    /// Mass (kg) of everything that it carries.
     pub mass: f64,
-    /// Of the motion textures.
+    /// Index of its motion texture.
     texture: usize,
-    /// Its resonance over the texture's.
+    /// Its resonance over that of the texture.
     faster: f64,
-    /// Amplitude per unit of the texture.
+    /// Amplitude for 1 in the texture.
     gain: f64,
 }
 
-/// A `[[plant]]` that sways, at all its places.
+/// A `[[plant]]` that sways, with all its places.
 #[derive(Debug)]
 pub struct Swaying {
     /// Its branches, in the plant's frame.
     pub limbs: Limbs,
-    /// A branch each; `None` for one without length.
+    /// The response of each branch; `None` for one without length.
     pub answers: Vec<Option<Answer>>,
-    /// What carries its leaves and its bark.
+    /// The sections that carry its leaves and its bark.
     pub sections: Sections,
-    /// How its leaves flutter; `None` where the scene does not say so.
+    /// How its leaves flutter; `None` where the scene states no flutter.
     pub flutter: Option<Fluttering>,
-    /// Where the wind blows to, in the plant's frame, a place each.
+    /// For each place, the direction that the wind blows to, in the plant's frame.
     towards: Vec<DVec3>,
     seed: u64,
 }
 
-/// More motion textures than this (8 MB each), of branches and leaves, are likelier an error of a file than a plant.
+/// The largest number of motion textures (8 MB each) of branches and leaves. More are more likely an error of a file
+/// than a real plant.
 const MOST_TEXTURES: usize = 64;
-/// Cross-sections of all plants together: what an adapter's table of them holds.
+/// The largest number of cross-sections of all plants together, which an adapter's table can hold.
 const MOST_SECTIONS: usize = 4_000_000;
-/// Vertices of bark of all plants together, at every place by themselves.
+/// The largest number of vertices of bark of all plants together. Every place counts separately.
 const MOST_BARK: usize = 20_000_000;
 
 /// All plants of a scene in its wind.
 #[derive(Debug)]
 pub struct Winds {
-    /// As the manifest has them; `None` for a plant that no wind moves.
+    /// The plants, in the manifest's order; `None` for a plant that no wind moves.
     pub plants: Vec<Option<Swaying>>,
     /// The motion textures.
     pub motions: Vec<Motion>,
-    /// What turns leaves, for each kind of flutter.
+    /// The gusts for leaves, for each kind of flutter.
     pub gusts: Vec<Arc<Gusts>>,
-    /// The sections at the last times that were asked for.
+    /// The sections at the last times that were requested.
     last: Mutex<Vec<(f64, Arc<Vec<Rigid>>)>>,
 }
 
@@ -79,7 +80,7 @@ impl Winds {
     ///
     /// # Errors
     /// [`Error::Input`] where a sway or a flutter has no spectrum, where leaves should flutter on branches that do not
-    /// sway, and for more textures, cross-sections or bark than there is room for.
+    /// sway, and for too many textures, cross-sections or vertices of bark.
     pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
         let Some(wind) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else { return Ok(None) };
         let moves = |said: &mesophyll_manifest::Plant| said.drag_n_s_m3 > 0.0;
@@ -169,7 +170,7 @@ impl Winds {
         [0, 1].map(|c| still[c] / limb.tip + answer.gain * gust[c])
     }
 
-    /// How a plant stands at one of its places and a time (s), in its own frame; `None` where no wind moves it.
+    /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where no wind moves it.
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
         let pose = swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time));
@@ -200,7 +201,7 @@ fn flutters<'a>(
     Ok(out)
 }
 
-/// Refuses more cross-sections and bark than there is room for, before any of it is made.
+/// Refuses too many cross-sections and vertices of bark before any of them are made.
 fn bounded(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) -> Result<()> {
     let mut bark = 0usize;
     for (k, (one, swaying)) in planted.iter().zip(plants).enumerate() {
@@ -218,11 +219,11 @@ fn bounded(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>])
     Ok(())
 }
 
-/// Times whose sections are kept: views of a scene are few.
+/// Number of times whose sections are kept. A scene has few views.
 const KEPT: usize = 4;
 
 impl Winds {
-    /// How many sections all plants have together.
+    /// Number of sections of all plants together.
     pub fn section_count(&self) -> usize {
         self.plants.iter().flatten().map(|s| s.sections.end()).max().unwrap_or(0)
     }
@@ -277,8 +278,9 @@ pub(super) mod tests {
         (planted, winds)
     }
 
-    /// Every branch's deflection over three thousand periods, by a discrete Fourier transform of segments, against the
-    /// formula: bands of a quarter octave or more, from a tenth of the resonance to one and a half of it.
+    /// The spectrum of every branch's deflection over three thousand periods, by a discrete Fourier transform of
+    /// segments, agrees with the formula. Bands are at least a quarter octave wide, from a tenth of the resonance to
+    /// one and a half times it.
     #[test]
     fn branches_have_the_spectra_of_their_own_resonance() {
         let (_, winds) = winds(4.0);
@@ -289,7 +291,7 @@ pub(super) mod tests {
         for k in [0, 14, 33] {
             let answer = plant.answers[k].as_ref().unwrap();
             let (f_h, tip) = (answer.sway.oscillator.resonance, plant.limbs.0[k].tip);
-            // 128 segments of 512 readings, eight a period.
+            // 128 segments of 512 readings, with eight readings in a period.
             let (dt, segment) = (0.125 / f_h, 512);
             let still = {
                 let [_, r, s] = plant.limbs.0[k].axes.map(|v| v.to_array());
@@ -318,13 +320,13 @@ pub(super) mod tests {
                                 im += window * v[c] * y;
                                 (x, y) = (x * cos - y * sin, x * sin + y * cos);
                             }
-                            // Hann's window holds 3/8 of the power.
+                            // Hann's window keeps 3/8 of the power.
                             have += 2.0 * dt * (re * re + im * im) / (0.375 * segment as f64) / 256.0;
                         }
                     }
                 }
-                // At least 6 bins of 256 values each, half of them independent: 4 % a standard deviation at most, and
-                // 4 % of the spectrum by the texture's other resonance.
+                // There are at least 6 bins of 256 values each, half of them independent, so a standard deviation is at
+                // most 4 %. The texture's other resonance changes the spectrum by 4 %.
                 worst = worst.max((have / want - 1.0).abs());
             }
         }
@@ -332,7 +334,7 @@ pub(super) mod tests {
         assert!(worst < 0.16, "{worst}");
     }
 
-    /// Plants whose flutter is the same share textures; too many kinds are refused, and leaves on still branches.
+    /// Plants with the same flutter share textures. Too many kinds, and leaves on still branches, are refused.
     #[test]
     fn kinds_of_flutter_are_counted() {
         let (mut manifest, mut planted) = scene(4.0);
@@ -361,7 +363,7 @@ pub(super) mod tests {
             for (rest, now) in planted[0].plant.branches.iter().zip(&posed.branches) {
                 assert!((now.length() / rest.length() - 1.0).abs() < 1e-5, "{time} {}", rest.name);
             }
-            // No step of a hundredth of a second moves a tip by a fifth of the plant.
+            // In a hundredth of a second, no tip moves by a fifth of the plant.
             let next = winds.pose(0, 0, time + 0.01).unwrap();
             assert!((0..posed.branches.len()).all(|k| pose.tip(k).distance(next.tip(k)) < 240.0), "{time}");
         }

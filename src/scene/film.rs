@@ -1,8 +1,8 @@
-//! A film: a scene's picture at every step of time, as the wind moves it and autumn colours it, drawn by the real-time
-//! renderer, a PNG a frame.
+//! A film: a scene's picture at every step of time, as the wind moves the scene and autumn colours it. The real-time
+//! renderer draws it, with a PNG for each frame.
 //!
-//! A film that was stopped goes on: a frame is written whole or not at all, and the record beside the frames says what
-//! they show.
+//! A film that was stopped can be continued. A frame is written whole or not at all, and the record beside the frames
+//! states what they show.
 
 use crate::draw::handover;
 use crate::loaded::Scene;
@@ -16,10 +16,10 @@ use mesophyll_viewer as viewer;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What `mesophyll film` is told.
+/// The options of `mesophyll film`.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Where the frames go.
+    /// Folder of the frames.
     pub out: PathBuf,
     /// The view to draw; the first perspective view when absent.
     pub view: Option<String>,
@@ -27,23 +27,24 @@ pub struct Options {
     pub from: f64,
     /// The film ends before this time (s).
     pub to: f64,
-    /// Frames a second.
+    /// Frames for each second.
     pub fps: f64,
     /// Pixels across and down; those of the scene's check when absent.
     pub size: Option<[u32; 2]>,
     /// Writes motion vectors beside every frame.
     pub motion: bool,
-    /// Takes the place of another film in the same folder.
+    /// Whether the film replaces another film in the same folder.
     pub force: bool,
 }
 
-/// The file that a folder of frames is known by.
+/// The file that identifies a folder of frames.
 pub const RECORD: &str = "film.json";
 
-/// More frames than this are likelier a typing error than a wish: about an hour at 30 a second.
+/// The largest number of frames, about an hour at 30 a second. A larger number is more likely a typing error than
+/// meant.
 const MOST_FRAMES: f64 = 100_000.0;
 
-/// What a folder of frames shows.
+/// The content of a folder of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Film {
     /// The scene's name.
@@ -54,11 +55,11 @@ pub struct Film {
     pub size: [u32; 2],
     /// The wind's time of the first frame (s).
     pub from: f64,
-    /// Frames a second.
+    /// Frames for each second.
     pub fps: f64,
-    /// How many there are when it is whole.
+    /// Number of frames of the complete film.
     pub frames: u32,
-    /// Hash of everything else that decides the frames, the adapter that draws included.
+    /// Hash of everything else that decides the frames, including the adapter that draws.
     pub made_from: String,
 }
 
@@ -68,7 +69,7 @@ impl Film {
         folder.join(format!("frame-{k:05}.png"))
     }
 
-    /// The file of its motion vectors: pixels to the right (`motion.X`) and down (`motion.Y`) since the frame before,
+    /// The file of its motion vectors: pixels to the right (`motion.X`) and down (`motion.Y`) since the previous frame,
     /// NaN where nothing is drawn.
     pub fn motion(&self, folder: &Path, k: u32) -> PathBuf {
         folder.join(format!("frame-{k:05}.motion.exr"))
@@ -80,12 +81,12 @@ impl Film {
     }
 }
 
-/// Draws the frames that are not there yet. The second number is how many were there.
+/// Draws the missing frames. The second number is that of the frames that existed already.
 ///
 /// # Errors
-/// [`Error::Usage`] for a scene where nothing moves, times out of order, a view that the scene does not have, or a
-/// folder that holds frames of another film (unless [`Options::force`]); [`Error::Missed`] without an adapter;
-/// [`Error::Interrupted`] after Ctrl-C, with all frames so far written.
+/// [`Error::Usage`] for a scene where nothing moves, times that are out of order, a view that the scene does not have,
+/// or a folder that holds frames of another film (unless [`Options::force`]); [`Error::Missed`] without an adapter;
+/// [`Error::Interrupted`] after Ctrl-C, when all finished frames have been written.
 pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
     let drawn_by = |e: viewer::Error| Error::Missed(format!("the renderer failed: {e}"));
     let frames = options.frames()?;
@@ -110,7 +111,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
             "frames of {width}x{height} pixels: expected at most {most} on this adapter"
         )));
     }
-    // The transfer changes pictures too, and so may another version of this program.
+    // The transfer changes pictures too, and another version of this program may also do so.
     let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
     let made_from = made_from(scene, &view)?;
     let lawns = lawns(scene)?;
@@ -134,7 +135,8 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     };
     claim_frames(&film, options)?;
 
-    // What the views see, and how large their pixels are, is that of the frames: a wide one may look down on a lawn.
+    // The views and the sizes of their pixels are those of the frames. For example, a wide frame may look down on a
+    // lawn.
     (scene.manifest.check.width, scene.manifest.check.height) = (width, height);
     let mut drawn = handover::scene(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
@@ -184,12 +186,12 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     Ok((film, kept))
 }
 
-/// What a scene without motion is told.
+/// The error for a scene without motion.
 pub const NOTHING_MOVES: &str = "nothing moves in this scene, so that all frames would be one picture; expected a \
  [wind] and a branch, a plant or a lawn in it, or a leaf whose chlorophyll fades_to less";
 
 impl Options {
-    /// How many frames there are.
+    /// Number of frames.
     ///
     /// # Errors
     /// [`Error::Usage`] for times out of order, and for more than 100,000 frames.
@@ -199,7 +201,7 @@ impl Options {
             let expected = "expected two times (s), the first before the other";
             return Err(Error::Usage(format!("--from {from} --to {to}: {expected}")));
         }
-        // A frame that would begin at the end itself by rounding alone is not drawn.
+        // A frame whose time reaches the end only by rounding is not drawn.
         let count = ((to - from) * self.fps - 1e-6).ceil();
         if !(count <= MOST_FRAMES) {
             return Err(Error::Usage(format!("{count} frames from {from} to {to} s: expected at most {MOST_FRAMES}")));
@@ -208,14 +210,14 @@ impl Options {
     }
 }
 
-/// The record of every fit of slices, by the lawn's name. Only a film is drawn with them: a path-traced picture has blades.
+/// The record of every fit of slices, by the lawn's name. Only films use slices; path-traced pictures show the blades.
 fn lawns(scene: &Scene) -> Result<Vec<(&str, String)>> {
     let manifest = &scene.manifest;
     let fitted = manifest.grass.iter().filter_map(|g| Some((g.name.as_str(), manifest.resolve(g.fit.as_ref()?))));
     fitted.map(|(name, fit)| Ok((name, hash::file(&fit.join("fit.toml"))?))).collect()
 }
 
-/// Writes the record of a new film, and finds the same one there.
+/// Writes the record of a new film, or accepts that of the same film.
 fn claim_frames(film: &Film, options: &Options) -> Result<()> {
     let record = options.out.join(RECORD);
     let there: Option<Film> = match std::fs::read(&record) {
@@ -224,11 +226,11 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
             Error::input(&record, format!("not the record of a film ({e}); give --force to draw anew"))
         })?),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
-        // Whose frames these are cannot be told, so that none of them is taken away.
+        // The owner of these frames is unknown, so none of them is removed.
         Err(e) => return Err(Error::input(&record, atomic::explain(&e))),
     };
     match there {
-        // The same pictures, of which there may be more or fewer: a longer film goes on with a shorter one.
+        // A film with the same pictures and another length: a longer film continues a shorter one.
         Some(there) if Film { frames: film.frames, ..there.clone() } == *film => {}
         Some(there) if has_frames(&options.out) => {
             return Err(Error::Usage(format!(
@@ -249,7 +251,7 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
     atomic::write_bytes(&record, json.as_bytes())
 }
 
-/// Whether a file is a frame or its motion vectors, by its name.
+/// Whether a file is a frame or its motion vectors, judged by its name.
 fn is_frame(entry: &std::fs::DirEntry) -> bool {
     let name = entry.file_name();
     let name = name.to_string_lossy();
@@ -261,7 +263,7 @@ fn has_frames(folder: &Path) -> bool {
     std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| is_frame(&entry))
 }
 
-/// Takes the frames of another film away, before the record tells of this one.
+/// Removes the frames of another film, before the record describes this one.
 fn remove_frames(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if is_frame(&entry) {

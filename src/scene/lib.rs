@@ -1,10 +1,10 @@
 //! The plan of what a scene needs, and the hand-over to the renderers.
 //!
-//! Two rooms stand below this one: `manifest` is what a scene file says, and `placed` is what stands where in the
-//! world. The folders here, from the ground up, may each use only those before it: [`plan`] is what of a scene is
-//! needed, [`loaded`] holds the maps and curves that the plan asks for, [`draw`] hands them to both renderers;
-//! [`traced`], [`film`] and [`window`] use all of it. The room `check`, above this one, judges whether the pictures are
-//! right.
+//! Two rooms are below this one: `manifest` is the content of a scene file, and `placed` holds the things in the world
+//! and their places. The folders here are listed from the bottom up, and each may use only those before it. [`plan`]
+//! decides which parts of a scene are needed. [`loaded`] holds the maps and curves that the plan needs. [`draw`] hands
+//! them to both renderers. [`traced`], [`film`] and [`window`] use all of these. The room `check`, above this one,
+//! judges whether the pictures are right.
 
 #![warn(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Pictures by the path tracer: each perspective view to a file of radiance and its standard error, to a PNG, and to a
-//! file from which a stopped picture goes on.
+//! Pictures by the path tracer: for each perspective view, a file of radiance and its standard error, a PNG, and a file
+//! from which a picture that was stopped continues.
 
 use crate::draw::reference;
 use crate::loaded::Scene;
@@ -15,55 +15,55 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What `mesophyll render` is told.
+/// The options of `mesophyll render`.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Where pictures go.
+    /// Folder of the pictures.
     pub out: PathBuf,
     /// The view to draw; all perspective views when absent.
     pub view: Option<String>,
-    /// Camera paths a pixel; the scene's own `check.samples` where neither this nor an error is given.
+    /// Camera paths for each pixel. Where neither this nor an error is given, it is the scene's `check.samples`.
     pub samples: Option<u32>,
-    /// Most scatterings of a path; no limit when absent.
+    /// The largest number of scatterings of a path; no limit when absent.
     pub bounces: Option<u32>,
-    /// Median relative error at which a picture is done.
+    /// Median relative error at which a picture is complete.
     pub error: Option<f64>,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Goes on with what an earlier run left.
+    /// Whether an earlier run's pictures are continued.
     pub resume: bool,
-    /// How radiance becomes the PNG.
+    /// The curve from radiance to the PNG.
     pub tone: tone::Tone,
 }
 
-/// What became of one view.
+/// The result for one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Drawn {
     /// The view's name.
     pub view: String,
     /// Pixels across and down.
     pub size: [usize; 2],
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Most scatterings of a path.
+    /// The largest number of scatterings of a path.
     pub bounces: Option<u32>,
     /// Hash of everything else that decides the picture.
     pub made_from: String,
-    /// Least and most camera paths of a pixel.
+    /// The least and the largest number of camera paths of a pixel.
     pub samples: [u32; 2],
-    /// Median over the pixels that show something of standard error over radiance.
+    /// Median of standard error over radiance, for the pixels that show something.
     pub median_relative_error: Option<f64>,
-    /// Paths that were cut off: what they would have brought is missing.
+    /// Number of paths that were cut off, whose light is missing.
     pub cut_paths: u64,
-    /// Camera paths a second, of this run.
+    /// Camera paths in a second, in this run.
     pub paths_per_second: Option<f64>,
     /// Seconds of all runs together.
     pub seconds: f64,
-    /// Whether it holds as many paths, or as small an error, as was asked for.
+    /// Whether it has the requested number of paths, or the requested error.
     pub done: bool,
 }
 
-/// The file that a folder of pictures is known by.
+/// The file that identifies a folder of pictures.
 pub const RECORD: &str = "render.json";
 
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -71,12 +71,12 @@ struct Record {
     pictures: BTreeMap<String, Drawn>,
 }
 
-/// Draws the views of a scene; `tell` is called with each that is finished or stopped.
+/// Draws the views of a scene. `tell` is called for each view that is finished or stopped.
 ///
 /// # Errors
-/// [`Error::Usage`] for a view that the scene does not have, no samples, or more memory than there is;
-/// [`Error::Input`] for a damaged input or an unfinished picture of something else; [`Error::Interrupted`] after
-/// Ctrl-C, with what there is written.
+/// [`Error::Usage`] for a view that the scene does not have, no samples, or more memory than there is; [`Error::Input`]
+/// for a damaged input, or an unfinished picture of something else; [`Error::Interrupted`] after Ctrl-C, when the
+/// present state has been written.
 pub fn render(
     scene: &Scene,
     options: &Options,
@@ -88,7 +88,7 @@ pub fn render(
     let size = [manifest.check.width as usize, manifest.check.height as usize];
     memory::require(Picture::bytes(size[0], size[1]), &format!("a picture of {}×{} pixels", size[0], size[1]))?;
     let record = options.out.join(RECORD);
-    // A record that cannot be read matters only to what goes on from it.
+    // A record that cannot be read matters only where pictures are continued from it.
     let mut pictures = if options.resume { known(&record)? } else { known(&record).unwrap_or_default() };
     let mut at: Option<(f64, World)> = None;
     for view in views {
@@ -119,7 +119,7 @@ pub fn render(
     Ok(())
 }
 
-/// The perspective views that are asked for.
+/// The perspective views that are requested.
 pub(crate) fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a View>> {
     let all: Vec<&View> = scene.manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     let names = || all.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -138,7 +138,7 @@ pub(crate) fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a 
     }
 }
 
-/// The pictures that a folder's record tells of.
+/// The pictures that a folder's record lists.
 fn known(record: &Path) -> Result<BTreeMap<String, Drawn>> {
     if !record.exists() {
         return Ok(BTreeMap::new());
@@ -199,7 +199,7 @@ fn one(
         target: Target { samples, error: options.error },
     };
     if !options.resume && kept.exists() {
-        // Gone before the record tells of this picture: it could be taken for its beginning.
+        // The file is removed before the record lists this picture, because it could be mistaken for its beginning.
         std::fs::remove_file(&kept).map_err(|e| Error::write(&kept, atomic::explain(&e)))?;
     }
     note(&drawn)?;
@@ -273,7 +273,7 @@ pub(crate) fn made_from(scene: &Scene, view: &View) -> Result<String> {
     Ok(hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str()))))
 }
 
-/// As the renderer shows it (exposure, Reinhard, sRGB), or as a camera with a film's curve.
+/// The picture as the renderer shows it (exposure, Reinhard, sRGB), or as a camera with a film's curve.
 fn displayed(picture: &Picture, scene: &Scene, tone: tone::Tone) -> Vec<u8> {
     let exposure = match tone {
         tone::Tone::Reinhard => scene.manifest.exposure,

@@ -1,6 +1,6 @@
-//! Light between leaves in a scene: which transfer it needs, where that lies, and how it is made.
+//! Light between leaves in a scene: which transfer it needs, where that is stored, and how it is made.
 //!
-//! A transfer is of the scene at rest. Leaves that sway in the wind keep the light that arrives at them at rest.
+//! A transfer belongs to the scene at rest. Leaves that sway in the wind keep the light that they get at rest.
 
 use crate::draw::reference;
 use crate::loaded::Scene;
@@ -17,10 +17,10 @@ use mesophyll_transport::transfer::Columns;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bands of what a glossy leaf gets of a light that stands still: all that the renderer has.
+/// Number of bands of a glossy leaf under a light that stands still: all that the renderer supports.
 pub(crate) const GLOSS_BANDS: usize = 7;
 
-/// What the scene needs of its transfer; `None` where its plan has none.
+/// The options of the scene's transfer; `None` where its plan has none.
 pub fn options(scene: &Scene) -> Option<Options> {
     let (asked, between) = (scene.manifest.transfer.as_ref()?, scene.plan.light.between?);
     let columns = between.bands.map_or(Columns::Light, Columns::Harmonics);
@@ -31,7 +31,7 @@ pub fn options(scene: &Scene) -> Option<Options> {
     Some(Options { anchors: asked.anchors, columns, gloss_bands, paths: asked.paths, seed: asked.seed, force: false })
 }
 
-/// The scene as a transfer is made of it.
+/// The scene in the form from which a transfer is made.
 ///
 /// # Errors
 /// As [`reference::world`]; [`Error::Input`] for a leaf that is not fitted yet.
@@ -53,20 +53,20 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     }
 }
 
-/// Of each instance whether a view shows it, as the plan has it; wood and ground, which stand after the leaves, count
-/// as shown.
+/// For each instance, whether a view shows it according to the plan. Wood and ground, which come after the leaves,
+/// count as shown.
 fn shown(scene: &Scene) -> Vec<bool> {
     let Scene { manifest, placed, .. } = scene;
     let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
     let shown: Vec<bool> = drawn.map(|p| !unseen(manifest, placed, p)).collect();
-    // Where all are shown the list says nothing, and other views of them need no other transfer.
+    // If all are shown, the list stays empty. Then the same transfer serves other views.
     if shown.iter().all(|s| *s) { Vec::new() } else { shown }
 }
 
 /// Makes the scene's transfer in the folder `out`.
 ///
 /// # Errors
-/// As [`of`] and [`fit::run`]; [`Error::Usage`] for a scene that asks for none.
+/// As [`of`] and [`fit::run`]; [`Error::Usage`] for a scene that requests none.
 pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<Outcome> {
     let Some(options) = options(scene) else {
         let why = match scene.manifest.transfer {
@@ -84,18 +84,19 @@ pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<O
     fit::run(&of, &[&scene.manifest.path], out, &Options { force, ..options })
 }
 
-/// Where a run's own transfer of a scene goes: a window's, whose light moves, beside that of a check.
+/// The folder of a run's own transfer of a scene. A window's light moves, so its transfer is stored beside that of a
+/// check.
 pub fn folder(manifest: &Manifest, bands: Option<usize>, out: &Path) -> PathBuf {
     let bands = bands.map_or(String::new(), |b| format!("-{b}-bands"));
     out.join("fits").join(format!("{}-transfer{bands}", manifest.name))
 }
 
 impl Scene {
-    /// Reads the transfer that the scene asks for: the one that it names, or the one below `out`, which is made where
-    /// neither is of this scene.
+    /// Reads the transfer of the scene: the one that the scene names, or the one below `out`. If neither belongs to
+    /// this scene, it is made.
     ///
     /// # Errors
-    /// As [`make`]; [`Error::Input`] for a damaged one.
+    /// As [`make`]; [`Error::Input`] for a damaged transfer.
     pub fn find_transfer(&mut self, out: &Path, ledger: &Ledger) -> Result<()> {
         let Some(options) = options(self) else { return Ok(()) };
         if !self.placed.unfitted().is_empty() {
@@ -115,7 +116,7 @@ impl Scene {
             }
         }
         if self.transfer.is_none() && own.join("fit.toml").is_file() {
-            // A damaged one is made anew.
+            // A damaged transfer is made again.
             self.transfer = Transfer::open(&own, &of, &options).unwrap_or(None);
         }
         if let Some(found) = &self.transfer {

@@ -1,7 +1,8 @@
-//! Makes the fits a scene still lacks: a synthetic scan where the scene asks for one, a look at the capture, the fit.
+//! Makes the fits that a scene lacks: a synthetic scan where the scene describes one, an inspection of the capture, and
+//! the fit.
 //!
-//! Everything lands under the run's folder (`captures/LEAF`, `fits/LEAF`) and is kept: a run that was stopped goes on
-//! where it was.
+//! All results are kept in the run's folder (`captures/LEAF`, `fits/LEAF`). A run that was stopped continues from
+//! there.
 
 use super::source;
 use crate::ledger::Ledger;
@@ -20,28 +21,28 @@ use mesophyll_fit_translucency as through;
 use mesophyll_manifest::{Leaf, Manifest, Scan};
 use std::path::{Path, PathBuf};
 
-/// What the fit of a scene's leaf is told: the lobe that it will be drawn with.
+/// The options for the fit of a scene's leaf: the lobe with which it will be drawn.
 pub fn fit_options(leaf: &Leaf) -> fit::Options {
     fit::Options { lobe: leaf.lobe(), ..fit::Options::default() }
 }
 
-/// What `fit.toml` would record as its input if `capture` were fitted now.
+/// The input hash that `fit.toml` would have if `capture` were fitted now.
 pub fn input_hash(leaf: &Leaf, capture: &Path) -> Result<String> {
     fit::input_hash(&Capture::open(capture)?, &fit_options(leaf))
 }
 
-/// Where a run's fit of a leaf goes.
+/// The folder of a run's fit of a leaf.
 pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(manifest.leaves[index].data_name())
 }
 
-/// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`. A folder that
-/// holds this very fit is left as it is unless all is to be made `afresh` (by another state of the program, whose
-/// version says nothing of it).
+/// Makes the fit of leaf `index` in `folder`. Captures that must be scanned first go below `out`. A folder that holds
+/// this very fit is left unchanged, unless everything is to be made `afresh`. That is for another state of the program
+/// with the same version.
 ///
 /// # Errors
-/// As `fit leaf`: 2 for an input that cannot be read, 130 when stopped (finished parts are kept), 1 for a fit that as a
-/// whole failed.
+/// As `fit leaf`, with these exit codes: 2 for an input that cannot be read, 130 when stopped (finished parts are
+/// kept), 1 for a fit that failed as a whole.
 pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh: bool, ledger: &Ledger) -> Result<()> {
     let leaf = &manifest.leaves[index];
     let capture = match (&leaf.capture, &leaf.scan) {
@@ -70,7 +71,7 @@ pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh:
     Ok(())
 }
 
-/// Makes the translucency maps of leaf `index`, whose own fit lies in `fitted`, into a run's folder `out`.
+/// Makes the translucency maps of leaf `index`, whose own fit is in `fitted`, in a run's folder `out`.
 ///
 /// # Errors
 /// As `fit translucency`.
@@ -85,7 +86,7 @@ pub fn translucency(manifest: &Manifest, index: usize, fitted: &Path, out: &Path
         .map(|_| ())
 }
 
-/// The scan of a leaf, made now unless a whole one of the same specification is there.
+/// The scan of a leaf. It is made now, unless a complete one with the same specification exists.
 fn scanned(
     manifest: &Manifest,
     leaf: &Leaf,
@@ -104,8 +105,7 @@ fn scanned(
         return Ok(folder);
     }
     let _ = std::fs::remove_file(&stamp);
-    // What is there may be a scan of another specification, or one that was stopped half way; a measured capture is
-    // refused.
+    // The folder may hold a scan with another specification, or one that was stopped. A measured capture is refused.
     claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
     if spec.model == Model::Foliar && (told.sigma_a.is_some() || told.sigma_s.is_some()) {

@@ -1,4 +1,4 @@
-//! The fit folders that a scene's leaves come from: found, opened, and made where they are missing.
+//! The fit folders that a scene's leaves come from: they are found and opened, and made where they are missing.
 
 pub mod missing;
 pub mod reads;

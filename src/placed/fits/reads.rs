@@ -1,4 +1,4 @@
-//! What is read of fits: every read is noted in the ledger with its bytes and its time.
+//! Reads files of fits. Every read is noted in the ledger with its bytes and its time.
 
 use crate::ledger::Ledger;
 use crate::{Error, Result};
@@ -6,17 +6,17 @@ use mesophyll_files::image::Maps;
 use mesophyll_leaf::{File, LeafFit, pack};
 use mesophyll_optics::side::Side;
 
-/// What the ledger and the plan call a file of a fit, or a texture that is made from it.
+/// The name of a fit's file, or of a texture made from it, in the ledger and in the plan.
 pub fn entry(fit: &LeafFit, what: &str) -> String {
     format!("{}/{what}", fit.name)
 }
 
-/// Size of one of the folder's files; 0 where it is not there.
+/// Size of one of the folder's files; 0 where it does not exist.
 pub fn bytes(fit: &LeafFit, file: &str) -> u64 {
     std::fs::metadata(fit.folder.join(file)).map_or(0, |m| m.len())
 }
 
-/// The maps of a side, read from disk when they are first asked for.
+/// The maps of a side, which are read from disk when they are needed for the first time.
 ///
 /// # Errors
 /// [`Error::Input`] for a file that is missing or damaged.
@@ -28,7 +28,7 @@ pub fn maps<'a>(fit: &'a LeafFit, side: Side, ledger: &Ledger) -> Result<&'a Map
     ledger.note("read", entry(fit, &file), bytes(fit, &file), || fit.maps(side))
 }
 
-/// A side's normals in the tangent frame of the blade that was scanned, whatever blade is drawn.
+/// The normals of a side in the tangent frame of the scanned blade, whatever blade is drawn.
 ///
 /// # Errors
 /// As [`maps`], and for a blade that cannot be read.
@@ -37,7 +37,7 @@ pub fn normals(fit: &LeafFit, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3
     ledger.note("pack", entry(fit, &texture(side, NORMAL)), 0, || pack::blade_normals(fit, side, maps))
 }
 
-/// What the plan calls the textures that a renderer gets of a side.
+/// The name of the texture of γ and δ. These names are those of the plan.
 pub const GAMMA_DELTA: &str = "gamma_delta";
 /// The texture of ρs and m.
 pub const GLOSS: &str = "rho_s_m";
@@ -49,16 +49,16 @@ pub fn texture(side: Side, what: &str) -> String {
     format!("{}_{what}", side.name())
 }
 
-/// Hashes one of the folder's files afresh and compares it with what the fit wrote down.
+/// Hashes one of the folder's files again and compares the hash with that of the fit.
 ///
 /// # Errors
-/// [`Error::Missed`] for a file that changed since, or that `fit.toml` does not list.
+/// [`Error::Missed`] for a file that has changed since, or that `fit.toml` does not list.
 pub fn verify(fit: &LeafFit, file: &str, ledger: &Ledger) -> Result<()> {
     ledger.note("hash", entry(fit, file), bytes(fit, file), || fit.verify(file))
 }
 
-/// The size of a leaf's maps, where `maps` are those of one side and `known` is what is known so far (zeros where
-/// nothing is).
+/// The size of a leaf's maps. `size` is that of one side's maps, and `known` is the size that is known so far (zeros if
+/// none is).
 ///
 /// # Errors
 /// [`Error::Input`] naming the file where they differ.

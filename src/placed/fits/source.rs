@@ -1,4 +1,4 @@
-//! Where a leaf's fit comes from: a folder that is up to date, or a capture or scan that has yet to be fitted.
+//! The source of a leaf's fit: a folder that is up to date, or a capture or scan that must be fitted first.
 
 use crate::{Error, Result};
 use mesophyll_capture::synth::spec::Spec;
@@ -7,34 +7,34 @@ use mesophyll_manifest::{Leaf, Manifest, Scan};
 use mesophyll_record::FitRecord;
 use std::path::{Path, PathBuf};
 
-/// What is to be done about a leaf's fit.
+/// The state of a leaf's fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Its input is what it was fitted from (or is not given): used as it is.
+    /// Its input is the one it was fitted from (or is not given), so it is used unchanged.
     Reuse,
-    /// There is none yet.
+    /// There is no fit yet.
     Missing,
-    /// Its input changed since.
+    /// Its input has changed since.
     Stale,
 }
 
-/// Where a leaf's data come from.
+/// The source of a leaf's data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
-    /// Whether they are there and up to date.
+    /// Whether the data exist and are up to date.
     pub status: Status,
-    /// The fit folder to read: where it is, or where it will be.
+    /// The fit folder to read, or the one where the fit will be.
     pub folder: Option<PathBuf>,
-    /// Why the status is what it is, in words; empty where it is plain.
+    /// The reason for the status, in words; empty where it is plain.
     pub why: String,
 }
 
-/// Hash of everything a fit of this capture would be made from, as `fit.toml` records it.
+/// Computes the hash of everything that a fit of this capture would be made from, as `fit.toml` records it.
 pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
 
-/// Decides where leaf `index` comes from. `out` is a run's folder with fits of its own; `input_hash` says what a
-/// capture is worth now.
+/// Finds the source of leaf `index`. `out` is a run's folder with its own fits. `input_hash` computes the present hash
+/// of a capture.
 ///
 /// # Errors
 /// [`Error::Input`] when the scene names a fit that does not exist and nothing to make it from.
@@ -88,11 +88,11 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
     })
 }
 
-/// Hash of what a scan is made from: its specification and what `synth` is told.
+/// The hash of a scan's input: its specification and the options of `synth`.
 pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
     let path = manifest.resolve(&scan.spec);
     let spec = hash::file(&path)?;
-    // A specification that cannot be read is told of when the scan is made.
+    // An error in the specification is reported when the scan is made.
     let pigments = Spec::read(&path).ok().and_then(|spec| spec.foliar).map(|layers| hash::file(&layers.pigments));
     let pigments = pigments.transpose()?.unwrap_or_default();
     let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
@@ -108,7 +108,7 @@ pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
     Ok(hash::combine([("spec", spec.as_str()), ("told", told.as_str())]))
 }
 
-/// Where a run notes what its scan of a leaf was made from, once the scan is whole.
+/// The file in which a run notes the input of its scan of a leaf, after the scan is complete.
 pub fn scan_stamp(out: &Path, leaf: &str) -> PathBuf {
     out.join("captures").join(format!("{leaf}.scan"))
 }
@@ -117,7 +117,7 @@ pub fn scan_stamp(out: &Path, leaf: &str) -> PathBuf {
 mod tests {
     use super::*;
 
-    /// A leaf of layers is made from a table of pigments, too.
+    /// A leaf of layers also depends on a table of pigments.
     #[test]
     fn another_table_of_pigments_asks_for_another_scan() {
         let folder = tempfile::tempdir().unwrap();
@@ -139,7 +139,7 @@ mod tests {
         let said = std::fs::read_to_string(&table).unwrap();
         let lines: Vec<&str> = said.lines().collect();
         let (last, rest) = lines.split_last().unwrap();
-        // The last wavelength stands a little further on.
+        // The last wavelength is moved slightly.
         let (wavelength, others) = last.split_once(',').unwrap();
         let moved = format!("{}\n{},{others}\n", rest.join("\n"), wavelength.parse::<f64>().unwrap() + 0.5);
         std::fs::write(&table, moved).unwrap();

@@ -1,5 +1,5 @@
-//! Where the translucency maps of a scene's leaf come from: a folder of `fit translucency` that the scene names, or one
-//! that a run made.
+//! The source of the translucency maps of a scene's leaf: a folder of `fit translucency` that the scene names, or one
+//! that a run has made.
 
 use super::source::{Source, Status};
 use crate::Result;
@@ -11,21 +11,21 @@ use mesophyll_record::{FitKind, FitRecord};
 use mesophyll_translucency::basis::Basis as Functions;
 use std::path::{Path, PathBuf};
 
-/// The translucency maps that the scene asks for.
+/// The translucency maps that the scene requests.
 #[derive(Debug, Clone)]
 pub struct Translucent {
     /// Their folder, and whether it is up to date.
     pub source: Source,
-    /// Open where the maps are there and up to date. Its files are called `LEAF/translucency/…`.
+    /// The open fit, where the maps exist and are up to date. Its files have names like `LEAF/translucency/…`.
     pub fitted: Option<LeafFit>,
 }
 
-/// Where a run's own translucency maps of a leaf go.
+/// The folder of a run's own translucency maps of a leaf.
 pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(format!("{}-translucency", manifest.leaves[index].data_name()))
 }
 
-/// Looks for a leaf's maps; `None` where the scene asks for none.
+/// Searches for a leaf's maps; `None` where the scene requests none.
 ///
 /// # Errors
 /// [`Error::Input`] for a folder of another kind of fit.
@@ -40,7 +40,7 @@ pub fn find(
     let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
     let made = out.map(|o| folder(manifest, index, o));
     let exists = |f: &Option<PathBuf>| f.clone().filter(|f| f.join("fit.toml").is_file());
-    // What the maps were made from, where they say it, must be the leaf's fit as it is now.
+    // If the maps state their input, it must be the leaf's present fit.
     let now = fitted_leaf.map(|f| hash::file(&f.folder.join("fit.toml"))).transpose()?;
     let mut stale = false;
     let mut found = None;
@@ -67,8 +67,8 @@ pub fn find(
     Ok(Some(Translucent { source, fitted: Some(fitted) }))
 }
 
-/// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it
-/// names may have any.
+/// Whether maps that state how they were made were made as the scene requests. Where the scene requests no basis, a
+/// named folder may have any.
 fn as_asked(asked: &Asked, record: &FitRecord, named: bool) -> bool {
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
     let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| *s == Functions::from(b).name());

@@ -1,5 +1,5 @@
-//! Light between leaves on its way to the renderer: the rows of a transfer, and what vertices see of the sun. Meshes
-//! and instances stand in the order of the transfer's.
+//! Hands light between leaves to the renderer: the rows of a transfer, and the vertices' shares of the sun. Meshes and
+//! instances are in the order of the transfer.
 
 use crate::Result;
 use glam::{DVec3, Vec3};
@@ -11,18 +11,19 @@ use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Where a scene is looked at from.
+/// The camera of a scene's pictures.
 pub struct Eye {
-    /// mm.
+    /// Place of the camera (mm).
     pub at: Vec3,
     /// The least angle between neighbouring pixels of its pictures (rad).
     pub pixel: f32,
 }
 
 impl Eye {
-    /// For pictures of this size. θ off the axis a pixel is smaller than in the middle: across by cos θ because what is
-    /// seen there is farther away than it is deep, and once more away from the middle, where a ray meets the picture
-    /// obliquely; the corner is farthest off.
+    /// The eye of pictures of this size. At the angle θ from the axis a pixel covers a smaller angle than in the
+    /// middle. Across the direction from the middle it is smaller by cos θ, because the place on the picture plane is
+    /// farther away. Along this direction it is smaller by cos² θ, because the ray also meets the picture at a slant.
+    /// The corner has the largest θ.
     pub fn new(camera: &viewer::Camera, [width, height]: [u32; 2]) -> Eye {
         let up = (0.5 * camera.fov_y_deg.to_radians()).tan();
         let pixels = height.max(1) as f32;
@@ -31,11 +32,11 @@ impl Eye {
     }
 }
 
-/// As in `arrives.wgsl`: below so many pixels between two anchors coarser anchors count too.
+/// As in `arrives.wgsl`: where anchors are fewer pixels apart than this, coarser anchors are mixed in.
 const NEAR: f32 = 4.0;
 
-/// What arrives at the anchors, and at the coarser ones that stand for them where leaves are small in a picture. What
-/// none of the `eyes` is near enough for is left out; without one all of it is kept.
+/// Hands over the light at the anchors, and at the coarser anchors that represent them where leaves are small in a
+/// picture. Levels for which none of the `eyes` is near enough are left out. Without eyes everything is kept.
 pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
     for (mesh, of) in out.meshes.iter_mut().zip(&found.layout.leaves) {
         mesh.anchors = Some(viewer::Anchors {
@@ -45,7 +46,7 @@ pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
             levels: chain(of) as u32,
         });
     }
-    // Instances that no view shows share another's rows.
+    // Instances that no view shows share the rows of another instance.
     let mut kept: BTreeMap<(usize, usize), u32> = BTreeMap::new();
     let places = || out.instances.iter().zip(&found.layout.first);
     for (instance, first) in places() {
@@ -74,12 +75,12 @@ pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
     out.transfer = Some(viewer::Transfer { bands, gloss_bands: found.gloss_bands, scale: found.scale, entries });
 }
 
-/// Levels of a mesh's anchors: of leaves as many as their grids have, of wood and ground one.
+/// Number of levels of a mesh's anchors. Leaves have all levels of their grids; wood and ground have one.
 fn chain(of: &OfLeaf) -> usize {
     if of.rows == Rows::Front { 1 } else { levels(of.anchors.grid) }
 }
 
-/// Adds the entries of a level's anchors, piece by piece; `first` is the first row of the finest ones.
+/// Adds the entries of a level's anchors, piece by piece. `first` is the first row of the finest anchors.
 fn append(found: &Transfer, of: &OfLeaf, first: usize, level: usize, entries: &mut Vec<[f32; 4]>) {
     let an_anchor = of.rows.count() * found.columns.count();
     let count = of.anchors.points.len();
@@ -100,7 +101,8 @@ fn append(found: &Transfer, of: &OfLeaf, first: usize, level: usize, entries: &m
     }
 }
 
-/// The finest level that any eye is near enough for: a pixel of it passes by fewer anchors than the next level needs.
+/// The finest level for which any eye is near enough: the distance between its pixels is fewer anchors than the next
+/// level needs.
 fn finest(mesh: &viewer::Mesh, instance: &viewer::Instance, eyes: &[Eye]) -> u32 {
     let Some(anchors) = &mesh.anchors else { return 0 };
     let (low, high) =
@@ -108,7 +110,7 @@ fn finest(mesh: &viewer::Mesh, instance: &viewer::Instance, eyes: &[Eye]) -> u32
     let scale = instance.transform.x_axis.truncate().length();
     let (centre, radius) =
         (instance.transform.transform_point3(0.5 * (low + high)), 0.5 * scale * (high - low).length());
-    // Anchors over a length, at least: a piece is no longer than the mesh.
+    // The least number of anchors for a unit of length, because a piece is not longer than the mesh.
     let dense = anchors.grid.iter().map(|n| (n - 1) as f32 / (2.0 * radius)).fold(f32::INFINITY, f32::min);
     let level = |eye: &Eye| {
         let passed = (eye.at.distance(centre) - radius).max(0.0) * eye.pixel * dense;
@@ -117,8 +119,8 @@ fn finest(mesh: &viewer::Mesh, instance: &viewer::Instance, eyes: &[Eye]) -> u32
     eyes.iter().map(level).min().unwrap_or(0)
 }
 
-/// The share of the sun that vertices see where it stands in this direction, where the transfer knows it; on the ground
-/// there are shadow maps.
+/// Sets the shares of the sun that vertices see for this direction of the sun, where the transfer has them. The ground
+/// uses shadow maps.
 ///
 /// # Errors
 /// [`Error::Usage`] for maps that cannot be decoded.
@@ -131,7 +133,7 @@ pub fn shade(found: &Transfer, towards_sun: DVec3, out: &mut viewer::Scene) -> R
     Ok(())
 }
 
-/// A mesh of the transfer's in the renderer's precision.
+/// A mesh of the transfer in the renderer's precision.
 pub fn mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
     viewer::Mesh {
         positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
@@ -150,8 +152,8 @@ mod tests {
     use glam::Mat4;
     use mesophyll_viewer::pick;
 
-    /// No two neighbouring pixels are nearer to each other than is said, and the nearest are no farther apart than a
-    /// step along the corner's edge is longer than one away from the middle.
+    /// No two neighbouring pixels are nearer to each other than stated. The smallest step at the corner is along the
+    /// direction away from the middle, and the stated one is not much smaller.
     #[test]
     fn no_pixel_of_a_picture_is_smaller_than_is_said() {
         let camera =
@@ -166,13 +168,13 @@ mod tests {
             let least = steps.map(angle).fold(f32::INFINITY, f32::min);
             let (found, up) = (Eye::new(&camera, [width, height]).pixel, 35f32.to_radians().tan());
             let most = up.max(up * width as f32 / height as f32).hypot(1.0);
-            // Single precision gives the angle to a few parts in 1e5.
+            // In single precision the angle has an error of a few parts in 1e5.
             assert!(found < 1.0001 * least && least < 1.02 * most * found, "{width}x{height}: {found} {least}");
         }
     }
 
-    /// A leaf 60 mm long with five by three anchors: the coarser the level, the farther it has to be from every eye; an
-    /// eye inside its ball, or none at all, keeps everything.
+    /// A leaf 60 mm long with five by three anchors: the coarser the level, the farther away every eye must be. An eye
+    /// inside its ball, or no eye at all, keeps everything.
     #[test]
     fn only_levels_that_an_eye_comes_near_are_kept() {
         let places = vec![Vec3::ZERO, Vec3::new(0.0, 4.0, 2.0)];
@@ -187,7 +189,7 @@ mod tests {
             finest(&mesh, &instance, &eyes)
         };
         assert_eq!((at(&[]), at(&[10.0]), at(&[1e6])), (0, 0, 2));
-        // Across, a distance in 30 mm: half a distance a pixel where a pixel is 15 mm wide.
+        // Anchors are 30 mm apart across the leaf, which is half a distance for each pixel where a pixel is 15 mm wide.
         assert_eq!((at(&[1.45e4]), at(&[1.55e4]), at(&[1.55e4, 50.0])), (0, 1, 0));
     }
 }

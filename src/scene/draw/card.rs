@@ -1,5 +1,5 @@
-//! Cards: a flat patch with one leaf's mean parameters, lit as the scene is. Its radiance is known in closed form, so
-//! that both renderers can be judged by something that neither of them computed.
+//! Cards: a flat patch with one leaf's mean parameters, under the scene's light. Its radiance is known in closed form,
+//! so that both renderers can be compared with a result that neither of them computed.
 
 use super::reference;
 use crate::loaded::Scene;
@@ -22,21 +22,21 @@ use std::sync::Arc;
 /// One side's mean parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// γ, the factor of the slab's reflectance (Wang et al. 2005), a channel.
+    /// γ, the factor on the slab's reflectance (Wang et al. 2005), for each channel.
     pub gamma: [f64; 3],
     /// Mean thickness (mm).
     pub thickness: f64,
-    /// 1/mm.
+    /// Absorption coefficient of the slab (1/mm).
     pub sigma_a: [f64; 3],
-    /// Scattering of the slab, 1/mm.
+    /// Scattering coefficient of the slab (1/mm).
     pub sigma_s: [f64; 3],
-    /// Specular reflectance, a channel.
+    /// Specular reflectance of each channel.
     pub rho_s: [f64; 3],
-    /// Roughness: root mean square slope.
+    /// Roughness m: root mean square slope.
     pub m: f64,
-    /// γ times the slab's.
+    /// Diffuse reflectance: γ times that of the slab.
     pub rho_d: [f64; 3],
-    /// Diffuse transmittance, a channel.
+    /// Diffuse transmittance of each channel.
     pub rho_t: [f64; 3],
 }
 
@@ -47,11 +47,11 @@ pub struct Card {
     pub leaf: usize,
     /// The patch.
     pub mesh: LeafMesh,
-    /// Patch to world.
+    /// The transform from the patch to the world.
     pub transform: DMat4,
-    /// Front, back; what the fit has.
+    /// Parameters of the front and of the back, where the fit has them.
     pub sides: [Option<Patch>; 2],
-    /// Which of them the plan gives to the renderer. The closed form and the reference take both.
+    /// Whether the plan gives each side to the renderer. The closed form and the reference use both sides.
     pub planned: [bool; 2],
 }
 
@@ -77,7 +77,7 @@ impl Card {
         let (eye, target) =
             (DVec3::from(view.eye_mm.unwrap_or_default()), DVec3::from(view.target_mm.unwrap_or_default()));
         let turn = placement::rotation(view.rotation_deg.unwrap_or_default());
-        // Large enough to fill the picture at the angle it is seen at.
+        // The patch fills the picture at the angle at which it is seen.
         let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
         let side = 4.0 * eye.distance(target) * (view.fov_deg.unwrap_or(30.0).to_radians() / 2.0).tan() / slant;
         Ok(Card {
@@ -89,7 +89,7 @@ impl Card {
         })
     }
 
-    /// Radiance at the centres of these pixels, by the formula.
+    /// Radiance at the centres of these pixels, in closed form.
     ///
     /// # Errors
     /// [`Error::Input`] when the card is seen from a side that the fit does not have.

@@ -1,7 +1,7 @@
-//! Coarser triangulations of a blade for where it is seen from afar: a thinned outline, and inside it vertices by
-//! greedy insertion (Garland & Heckbert 1995, "Fast polygonal approximation of terrains and height fields") until what
-//! is left out is within a distance and an angle. Levels share the mesh's vertices, so that they cost an index list
-//! each and their normals are the mesh's own. Lengths in mm.
+//! Coarser triangulations of a blade for views from afar. They have a thinned outline and, inside it, vertices by
+//! greedy insertion (Garland & Heckbert 1995, "Fast polygonal approximation of terrains and height fields"), until the
+//! vertices that are left out are within a distance and an angle. Levels share the mesh's vertices. So each costs only
+//! a list of indices, and its normals are the mesh's own. Lengths are in mm.
 
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -9,19 +9,19 @@ use mesophyll_fit::leaf::blade::outline::simplify;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// One level: triangles over the mesh's vertices.
+/// One level, as triangles over the mesh's vertices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detail {
-    /// Three a triangle, into the mesh's vertices.
+    /// Indices of the mesh's vertices, three for each triangle.
     pub indices: Vec<u32>,
-    /// The farthest that a left-out vertex is from the level's surface.
+    /// Largest distance of a vertex that is left out from the level's surface.
     pub error_mm: f64,
 }
 
-/// Distance over the blade's diameter and angle between normals that a level may leave out, finest first. Angles stay
-/// small: the maps' normals turn with the mesh's.
+/// For each level, the finest first, the largest distance over the blade's diameter and the largest angle between
+/// normals that are left out. Angles stay small, because mapped normals turn with the mesh's normals.
 const LEVELS: [(f64, f64); 4] = [(0.001, 2.0), (0.003, 4.0), (0.01, 8.0), (0.03, 12.0)];
-/// A level with more than this share of the one before is not worth its indices.
+/// A level is dropped if it has more than this share of the triangles of the one before.
 const WORTH: f64 = 0.7;
 
 #[derive(Debug, Clone, Copy)]
@@ -39,8 +39,8 @@ impl HasPosition for Vertex {
 
 type Mesh2 = ConstrainedDelaunayTriangulation<Vertex>;
 
-/// Levels of a blade, finest first, the mesh itself not among them; none where it is not a height field over its plane
-/// (a blade bent over, a twig).
+/// The levels of a blade, the finest first, without the mesh itself. There are none where the blade is not a height
+/// field over its plane, such as a blade that is bent over, or a twig.
 pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
     let mut out: Vec<Detail> = Vec::new();
     let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return out };
@@ -56,7 +56,7 @@ pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
     out
 }
 
-/// Whether every facet faces the front, so that x and y name a place on the blade.
+/// Whether every facet faces the front, so that x and y determine a place on the blade.
 fn upright(mesh: &LeafMesh) -> bool {
     let flat = |k: usize| mesh.positions[k].truncate();
     (0..mesh.triangles()).all(|t| {
@@ -65,7 +65,8 @@ fn upright(mesh: &LeafMesh) -> bool {
     })
 }
 
-/// Boundary rings as vertices, each closed; `None` where three edges meet at a boundary vertex or one stays open.
+/// The boundary as closed rings of vertices; `None` where three edges meet at a boundary vertex, or where a ring stays
+/// open.
 fn rings(mesh: &LeafMesh) -> Option<Vec<Vec<u32>>> {
     let mut edges = BTreeSet::new();
     for t in mesh.indices.chunks_exact(3) {
@@ -89,7 +90,7 @@ fn rings(mesh: &LeafMesh) -> Option<Vec<Vec<u32>>> {
     Some(rings)
 }
 
-/// One level, or none where the thinned outline crosses itself.
+/// One level; `None` where the thinned outline crosses itself.
 fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Option<Detail> {
     let flat = |k: u32| mesh.positions[k as usize].truncate();
     let vertex = |k: u32| Vertex { at: Point2::new(flat(k).x, flat(k).y), index: k };
@@ -98,7 +99,7 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
     let mut error_mm = 0.0f64;
     for ring in rings {
         let places: Vec<[f64; 2]> = ring.iter().map(|k| flat(*k).to_array()).collect();
-        // Kept points are the ring's own, bit for bit, and in its order.
+        // The points that are kept are the ring's own, bit for bit, and in its order.
         let mut rest = places.iter().enumerate();
         let corners: Vec<usize> =
             simplify(&places, distance).iter().filter_map(|p| rest.find(|(_, q)| *q == p).map(|(i, _)| i)).collect();
@@ -123,7 +124,8 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
     let on_rings: BTreeSet<u32> = rings.iter().flatten().copied().collect();
     let mut left: Vec<u32> = (0..mesh.positions.len() as u32).filter(|k| !on_rings.contains(k)).collect();
     loop {
-        // The worst of every triangle at once: a round a level of refinement instead of one a vertex.
+        // The worst vertices of all triangles are inserted together. This needs one round for each level of refinement
+        // instead of one for each vertex.
         let mut worst: BTreeMap<[u32; 3], (f64, u32)> = BTreeMap::new();
         for k in &left {
             let Some((corners, off, turn)) = gap(mesh, &cdt, *k) else { continue };
@@ -156,9 +158,9 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
     (!indices.is_empty()).then_some(Detail { indices, error_mm })
 }
 
-/// Keeps `from` and what lies between it and `to` on the ring (positions that may run past its end) where the chord
-/// leaves the rim's height by more than `distance`; returns the largest such gap that is left, and at least what the
-/// outline itself was thinned by.
+/// Keeps `from`, and the vertices between it and `to` on the ring where the chord is more than `distance` away from the
+/// rim's height. Positions may run past the end of the ring. Returns the largest remaining gap, and at least the
+/// distance by which the outline was thinned.
 fn along_rim(mesh: &LeafMesh, ring: &[u32], from: usize, to: usize, distance: f64, kept: &mut Vec<u32>) -> f64 {
     let at = |i: usize| mesh.positions[ring[i % ring.len()] as usize];
     let (a, b) = (at(from), at(to));
@@ -180,8 +182,8 @@ fn along_rim(mesh: &LeafMesh, ring: &[u32], from: usize, to: usize, distance: f6
     }
 }
 
-/// The triangle over which vertex `k` lies, how far it is above or below, and how far its normal is from the triangle's
-/// there (rad); `None` outside.
+/// The triangle above or below which vertex `k` lies, their distance, and the angle between the normals there (rad);
+/// `None` outside.
 fn gap(mesh: &LeafMesh, cdt: &Mesh2, k: u32) -> Option<([u32; 3], f64, f64)> {
     use spade::PositionInTriangulation as At;
     let p = mesh.positions[k as usize];
@@ -203,7 +205,7 @@ fn gap(mesh: &LeafMesh, cdt: &Mesh2, k: u32) -> Option<([u32; 3], f64, f64)> {
     Some((corners, off, turn))
 }
 
-/// Even–odd rule over all rings.
+/// The even–odd rule over all rings.
 fn inside(rings: &[Vec<DVec2>], p: DVec2) -> bool {
     let crossed = |ring: &Vec<DVec2>| {
         (0..ring.len())
@@ -248,7 +250,7 @@ mod tests {
                 }
             }
         }
-        // Only vertices that a triangle uses, as a mesh has them.
+        // Only vertices that a triangle uses are kept, as in a real mesh.
         let used: BTreeSet<u32> = mesh.indices.iter().copied().collect();
         let new: BTreeMap<u32, u32> = used.iter().enumerate().map(|(new, old)| (*old, new as u32)).collect();
         mesh.positions = used.iter().map(|k| mesh.positions[*k as usize]).collect();
@@ -274,7 +276,7 @@ mod tests {
         for (level, next) in levels.iter().zip(LEVELS.iter().skip(LEVELS.len() - levels.len())) {
             assert!(level.indices.len() < before);
             before = level.indices.len();
-            // A rim thinned by no more than the distance loses less than that times its length.
+            // A rim that was thinned by at most this distance loses less area than the distance times its length.
             let rim = std::f64::consts::TAU * (28.0 + 5.0) * 1.3;
             assert!(
                 (area(&mesh, &level.indices) - full).abs() < rim * diameter * next.0 + 1e-9,
@@ -282,7 +284,7 @@ mod tests {
                 area(&mesh, &level.indices) - full
             );
             assert!(level.error_mm <= 3.0 * diameter * next.0, "{} {}", level.error_mm, diameter * next.0);
-            // Every facet faces the front, and no edge is used twice the same way.
+            // Every facet faces the front, and no edge is used twice in the same direction.
             let mut edges = BTreeSet::new();
             for t in level.indices.chunks_exact(3) {
                 assert!([(t[0], t[1]), (t[1], t[2]), (t[2], t[0])].into_iter().all(|e| edges.insert(e)));
@@ -291,7 +293,7 @@ mod tests {
         assert!(levels.last().unwrap().indices.len() * 4 < mesh.indices.len());
     }
 
-    /// Rays down onto the level and onto the mesh, by brute force over all triangles.
+    /// Rays downwards hit the level and the mesh, by brute force over all triangles.
     #[test]
     fn the_stated_error_holds_between_vertices() {
         let mesh = blade();
@@ -307,7 +309,7 @@ mod tests {
             for k in 0..400 {
                 let p = DVec2::from_angle(2.4 * f64::from(k)) * 27.0 * (f64::from(k) / 400.0).sqrt();
                 if let (Some(a), Some(b)) = (height(&mesh.indices, p), height(&level.indices, p)) {
-                    // Between two vertices of a facet the mesh itself lies between them.
+                    // Between two vertices of a facet of the level, the mesh lies between their heights.
                     assert!((a - b).abs() <= level.error_mm * 1.05 + 1e-9, "{} {}", a - b, level.error_mm);
                 }
             }

@@ -1,4 +1,4 @@
-//! Lawns on their way to both renderers: blades to the path tracer, slices to the one in real time.
+//! Hands lawns to both renderers: blades to the path tracer, and slices to the real-time renderer.
 
 use super::reference::{black, mesh};
 use crate::{Error, Result};
@@ -13,14 +13,14 @@ use rayon::prelude::*;
 pub use slices::{lawn, seen_from_above};
 use std::collections::BTreeSet;
 
-/// Triangles of all rectangles of a lawn in the wind, each of which has blades of its own.
+/// The largest number of triangles in all rectangles of a lawn in the wind, where each rectangle has its own blades.
 const MOST_TRIANGLES: usize = 40_000_000;
 
-/// Adds a lawn's blades to the path tracer's world: a leaf a material, in every rectangle; where the wind leans the lawn, a
-/// leaf of its own for every rectangle. [`lean`] moves these.
+/// Adds a lawn's blades to the path tracer's world, with one leaf for each material, in every rectangle. Where the wind
+/// leans the lawn, every rectangle has its own leaves, which [`lean`] moves.
 ///
 /// # Errors
-/// [`Error::Input`] for a lawn in the wind of more triangles than there is room for.
+/// [`Error::Input`] for a lawn in the wind with too many triangles.
 pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) -> Result<()> {
     let triangles: usize = shapes(grass).map(|(_, shape)| shape.triangles()).sum();
     let places = grass.tiles[0] * grass.tiles[1];
@@ -42,7 +42,7 @@ pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) 
     Ok(())
 }
 
-/// Leans the blades of all lawns as they are at a time (s); `first` is the leaf of the world where the first lawn's begin.
+/// Leans the blades of all lawns for a time (s). `first` is the index in the world of the first lawn's first leaf.
 pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f64) {
     let mut next = first;
     for grass in lawns {
@@ -65,7 +65,7 @@ pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f
     }
 }
 
-/// The blades of each material, with what they reflect and let through.
+/// The blades of each material, with their optics.
 fn shapes(grass: &Grass) -> impl Iterator<Item = (&Optics, LeafMesh)> {
     let materials: BTreeSet<&str> = grass.plant.blades.iter().map(|b| b.material.as_str()).collect();
     materials.into_iter().filter_map(|material| {
@@ -107,7 +107,7 @@ mod slices {
     use std::f64::consts::FRAC_PI_2;
     use std::sync::Arc;
 
-    /// A lawn as the renderer takes it, over ground of this reflectance.
+    /// A lawn in the renderer's form, over ground of this reflectance.
     pub fn lawn(grass: &Grass, slices: &Slices, soil: [f64; 3], steps: usize) -> viewer::Grass {
         let table = |values: [f64; viewer::GRASS_STEPS + 1]| values.map(|v| v as f32);
         let half = Vec2::new(slices.period[0] as f32, slices.period[1] as f32) * 0.5;
@@ -138,16 +138,16 @@ mod slices {
         }
     }
 
-    /// Steps of |Ω_z|, and azimuths of a quarter, at which rays are asked whether they take the level slice.
+    /// Numbers of steps of |Ω_z|, and of azimuths in a quarter, at which it is tested whether rays use the level slice.
     const STEEP: usize = 64;
     const TURNS: usize = 16;
 
-    /// Of the optical depth of a ray. Without so much of it the coverage is off by this times τ e^−τ, which is 0.018 at most:
-    /// less than what slices are off by in the worst direction.
+    /// A share of a ray's optical depth. Without this share, the coverage has an error of this times τ e^−τ, which is
+    /// at most 0.018. That is less than the error of slices in the worst direction.
     const LITTLE: f64 = 0.05;
 
-    /// Whether a view of the scene or its sun has rays to which the level slice gives more than a [`LITTLE`]: as steep as the
-    /// steepest of them, or less. Pictures have the shape that the manifest's check has.
+    /// Whether the level slice gives more than [`LITTLE`] to any ray of a view or of the sun. Rays are tested up to the
+    /// steepest of them. Pictures have the shape that the manifest's check states.
     pub fn seen_from_above(grass: &Grass, slices: &Slices, manifest: &Manifest) -> bool {
         let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height);
         let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
@@ -155,7 +155,7 @@ mod slices {
         let of_sun = sun_direction(manifest).map_or(0.0, |d| d.z.abs());
         let mut most = of_views.fold(of_sun, f64::max);
         if let Some(leaning) = &grass.leaning {
-            // A ray through a leaning lawn is steeper there at most by this.
+            // In a leaning lawn, a ray is steeper by at most this angle.
             let lean = leaning.lean_per_m_s * leaning.gusts.strongest();
             most = (most.min(1.0).asin() + lean.atan()).min(FRAC_PI_2).sin();
         }
@@ -172,7 +172,7 @@ mod slices {
         })
     }
 
-    /// The largest |Ω_z| of a camera's rays: straight down or up where it sees that, else at the edge of its picture.
+    /// The largest |Ω_z| of a camera's rays: 1 where it sees straight down or up, else that at the edge of its picture.
     fn steepest(camera: &Camera, aspect: f64) -> f64 {
         let forward = (camera.target - camera.eye).normalize_or_zero();
         let right = forward.cross(camera.up).normalize_or_zero();
@@ -193,7 +193,7 @@ mod slices {
         (0..4 * STEEP + 4).map(edge).fold(0.0, f64::max)
     }
 
-    /// What leans a lawn, in the renderer's precision.
+    /// The gusts that lean a lawn, in the renderer's precision.
     fn gusts(Leaning { gusts, lean_per_m_s }: &Leaning) -> viewer::GrassGusts {
         let lean = |v: DVec2| (v * *lean_per_m_s).as_vec2().to_array();
         let added = gusts.motion.values.iter().map(|v| lean(gusts.across(v.map(f64::from)))).collect();
@@ -232,10 +232,10 @@ mod slices {
         #[test]
         fn the_steepest_ray_of_a_camera() {
             let camera = |eye: [f64; 3]| Camera { eye: eye.into(), target: DVec3::ZERO, up: DVec3::Z, fov_y_deg: 20.0 };
-            // 30° over the ground in the middle, 40° at the lower edge.
+            // The elevation is 30° in the middle, and 40° at the lower edge.
             let found = steepest(&camera([-3f64.sqrt(), 0.0, 1.0]), 1.5);
             assert!((found - 40f64.to_radians().sin()).abs() < 1e-3, "{found}");
-            // 85° over the ground: straight down is in the picture.
+            // At an elevation of 85°, straight down is in the picture.
             assert_eq!(steepest(&camera([-0.087, 0.0, 1.0]), 1.0), 1.0);
             assert!(steepest(&camera([-0.3, 0.0, 1.0]), 1.0) < 1.0);
         }

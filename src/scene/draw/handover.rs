@@ -1,6 +1,6 @@
-//! The hand-over to the GPU renderer: what the plan lists of each fit folder, as plain scene data.
+//! Hands a scene to the GPU renderer: the parts of each fit folder that the plan lists, as plain scene data.
 //!
-//! The reference renderer gets its own data another way (`super::reference`).
+//! The reference renderer gets its data in another way (`super::reference`).
 
 use super::card::Card;
 use super::leaf_maps::{self, slab_curve};
@@ -21,8 +21,8 @@ use mesophyll_placed::plant::Wood;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
 
-/// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a
-/// small picture.
+/// A leaf gets levels of detail if it is drawn with more triangles than this in total, which is the number of pixels of
+/// a small picture.
 const MANY_TRIANGLES: usize = 200_000;
 
 /// Everything the perspective views show.
@@ -33,7 +33,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let Scene { manifest, placed, .. } = scene;
     let mut out = lights(scene, ledger)?;
     let mut index = vec![None; placed.leaves.len()];
-    // Meshes stand in the order of the transfer's, which are finer where it knows the sun at their vertices.
+    // Meshes are in the order of the transfer's meshes. Those are finer where the transfer has the vertices' shares of
+    // the sun.
     let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
     let shown = |k: usize, mesh: &LeafMesh| match finer {
         Some(blades) => between::mesh(&blades[k].mesh),
@@ -57,7 +58,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
             out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), ride, carried, ..drawn });
         }
     }
-    // A coarse triangle would blur the shadows that its corners know.
+    // A coarse triangle would blur the shadows that are stored at its corners.
     for leaf in placed.leaves.iter().filter(|_| finer.is_none()) {
         let (Some(mesh), Some(viewer::Instance { mesh: at, .. })) = (&leaf.mesh, index[leaf.index]) else { continue };
         let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
@@ -110,8 +111,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(out)
 }
 
-/// Where the perspective views look from; none where the camera or what stands there may move, nor where leaves fade:
-/// those are scenes of films, whose frames may be of any size.
+/// The cameras of the perspective views. There are none where the camera or the things there may move, or where leaves
+/// fade. Those are scenes for films, whose frames may have any size.
 fn eyes(manifest: &Manifest, placed: &Placed) -> Vec<between::Eye> {
     if placed.free || placed.moves().any() || manifest.fades() {
         return Vec::new();
@@ -120,7 +121,7 @@ fn eyes(manifest: &Manifest, placed: &Placed) -> Vec<between::Eye> {
     perspective.map(|c| between::Eye::new(&c, [manifest.check.width, manifest.check.height])).collect()
 }
 
-/// Whether the ground lies below everything that stands in the scene.
+/// Whether the ground lies below everything else in the scene.
 fn below_all(placed: &Placed) -> bool {
     let Some((ground, _)) = &placed.ground else { return false };
     let height = ground.positions.first().map_or(0.0, |p| p.z);
@@ -137,12 +138,12 @@ fn below_all(placed: &Placed) -> bool {
         && placed.placements.iter().filter_map(leaf).all(|b| b)
 }
 
-/// A wind that sways no branch.
+/// A wind that moves no branch.
 pub fn still_branches(manifest: &Manifest) -> viewer::Wind {
     viewer::Wind { size: 0, motion: Vec::new(), time_s: mesophyll_placed::branch::rest_time(manifest) }
 }
 
-/// What bends branches and what rides on them, where anything does.
+/// Hands over the branches and what rides on them, where anything bends.
 fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
     let Some(bends) = &placed.bends else { return };
     let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
@@ -175,12 +176,12 @@ fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
     });
 }
 
-/// Wood: diffuse bark, and nothing comes through.
+/// Wood: diffuse bark that transmits nothing.
 fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
     viewer::Material::Opaque(viewer::Opaque { name: name.into(), albedo: bark.map(|v| v as f32) })
 }
 
-/// Sun, sky, exposure and how shadows and edges are sampled.
+/// Sun, sky, exposure, and the sampling of shadows and edges.
 fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let beyond = [
@@ -227,7 +228,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
 /// A sky as plain numbers.
 ///
 /// # Errors
-/// [`Error::Usage`] for a sun or turbidity beyond the polynomials'.
+/// [`Error::Usage`] for a sun or turbidity outside the range of the polynomials.
 pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<viewer::Dome> {
     let light = daylight.light(bands, polynomials)?;
     let (perez, scale) = daylight.perez();
@@ -265,7 +266,7 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
     }
 }
 
-/// A card: one flat patch with a leaf's mean parameters and nothing else, through the same slab curve as any leaf.
+/// A card: one flat patch with a leaf's mean parameters, drawn with the same slab curve as a leaf.
 ///
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.

@@ -1,5 +1,6 @@
-//! A leaf's maps on their way to the GPU renderer: W's packed textures, tangent-space normals and a slab curve a side,
-//! or pigment maps, solved a texel. A side that no camera sees light from is handed over black, without maps.
+//! Hands a leaf's maps to the GPU renderer: W's packed textures, normals in the tangent frame, and a slab curve for
+//! each side; or pigment maps, computed for each texel. A side whose light no camera sees is handed over black, without
+//! maps.
 
 use crate::loaded::Leaf;
 use crate::loaded::curve::Curve;
@@ -16,7 +17,7 @@ use mesophyll_placed::ledger::Ledger;
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
 
-/// A leaf as the renderer takes it: maps of the sides that the plan asks for, at the size it asks for.
+/// A leaf in the renderer's form: maps of the sides that the plan needs, at the planned size.
 ///
 /// # Errors
 /// [`Error::Input`] where the leaf is not fitted, or a map is missing or damaged.
@@ -32,7 +33,7 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
             "not fitted yet; `mesophyll run` fits it",
         ));
     };
-    // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
+    // A leaf has one thickness. The δ of a side that was fitted with another h contains the difference.
     let h = fitted.thickness(fitted.lead())?;
     let mut sides = viewer::Sides::of(|_| viewer::SideMaps::black());
     for (s, side) in Side::ALL.into_iter().enumerate() {
@@ -71,7 +72,7 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
     })
 }
 
-/// A leaf that is the same everywhere, as far as the plan needs its sides.
+/// A leaf that is the same everywhere, with the sides that the plan needs.
 fn uniform(config: &mesophyll_manifest::Leaf, stated: &mesophyll_manifest::Uniform, leaf: &Leaf) -> viewer::Leaf {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let side = |side: Side| {
@@ -118,7 +119,7 @@ fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger
     Ok(out)
 }
 
-/// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
+/// ρd and ρt of every texel, computed from σa(x), σs(x) and the thickness.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read.
@@ -150,7 +151,7 @@ fn normals(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     Ok(shrink(&reads::normals(fitted, side, ledger)?, leaf, mean3))
 }
 
-/// 1 where the fit found leaf, in the front's columns; for meshes that are not trimmed to the outline.
+/// 1 where the fit found the leaf, in the front's columns. This is for meshes that do not end at the outline.
 fn mask(leaf: Leaf, ledger: &Ledger) -> Result<Vec<u8>> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
     let maps = reads::maps(fitted, Side::Front, ledger)?;
@@ -159,7 +160,7 @@ fn mask(leaf: Leaf, ledger: &Ledger) -> Result<Vec<u8>> {
     Ok(shrink(&on, leaf, |a, b, c, d| u8::from(a + b + c + d >= 2)))
 }
 
-/// Averages over blocks of `leaf.plan.block` texels a side.
+/// Averages over blocks of `leaf.plan.block` texels along a side.
 fn shrink<T: Copy>(texels: &[T], leaf: Leaf, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
     let ([mut w, mut h], mut out, mut block) = (leaf.plan.size, texels.to_vec(), leaf.plan.block);
     while block > 1 {

@@ -1,4 +1,4 @@
-//! What both renderers draw of a planned scene.
+//! The data of a planned scene that both renderers draw.
 
 #[cfg(feature = "render")]
 pub mod between;

@@ -1,5 +1,5 @@
-//! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m,
-//! normals a texel in the scan's frame), not from W's packed textures, and with a slab interpolant of its own
+//! Hands a scene to the reference renderer in a separate way. It uses `front.exr` and `back.exr` (γ, thickness, ρs, m
+//! and normals of each texel in the scan's frame) instead of W's packed textures, and its own interpolation of the slab
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
@@ -35,7 +35,7 @@ pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     Ok(out)
 }
 
-/// The scene at rest, without the sun's light through its leaves.
+/// The scene at rest, without sunlight through its leaves.
 fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     let Scene { manifest, placed, .. } = scene;
     let mut out = lights(manifest)?;
@@ -67,7 +67,7 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     Ok(out)
 }
 
-/// Wood: diffuse bark, and nothing comes through.
+/// Wood: diffuse bark that transmits nothing.
 fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
     let mut front = black(1);
     if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
@@ -84,8 +84,8 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
     }
 }
 
-/// Everything the path tracer follows light through, as it is at a time (s): as [`world`], with the environment map,
-/// and with the sun's light through every leaf that has maps of it, seen or not.
+/// Everything through which the path tracer follows light, at a time (s). It is as [`world`], with the environment map,
+/// and with sunlight through every leaf that has maps for it, whether a view shows it or not.
 ///
 /// # Errors
 /// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
@@ -103,8 +103,8 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
     Ok(out)
 }
 
-/// Gives the ground of a world that [`traced`] made its grain, where the scene has one. Only pictures to look at have
-/// it: a check compares with a renderer that draws an even ground.
+/// Adds the grain to the ground of a world that [`traced`] made, where the scene has one. Only pictures for people to
+/// look at have it. A check compares with a renderer that draws an even ground.
 pub fn grain(world: &mut transport::World, scene: &Scene) {
     let Some((k, ground)) = world.ground.zip(scene.manifest.ground.as_ref()) else { return };
     let size = world.periodic.unwrap_or([2.0 * ground.reach_mm.unwrap_or_default(); 2]);
@@ -114,7 +114,7 @@ pub fn grain(world: &mut transport::World, scene: &Scene) {
     }
 }
 
-/// The same for whoever asks for no light: without an environment map, and without the sun's light through leaves.
+/// The same for callers that need no light: without an environment map, and without sunlight through leaves.
 ///
 /// # Errors
 /// As [`world`].
@@ -124,7 +124,7 @@ pub fn unlit(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wor
     Ok(out)
 }
 
-/// Bends the branches of a world that [`world`] made, and what hangs on them, as they are at a time (s).
+/// Moves the branches of a world that [`world`] made, and everything that hangs on them, to a time (s).
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose inside cannot be read.
@@ -136,7 +136,7 @@ pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result
     relight(world, scene, &scene.placed.eyes)
 }
 
-/// The same without the sun's light through the leaves.
+/// The same, without sunlight through the leaves.
 fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
     let placed = &scene.placed;
     if !placed.moves().any() {
@@ -153,7 +153,7 @@ fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
     }
 }
 
-/// The branches and the plants' wood alone.
+/// Moves only the branches and the plants' wood.
 pub fn move_wood(world: &mut transport::World, placed: &Placed, time: f64) {
     let mut first = world.leaves.len() - placed.twigs.len();
     if let Some(bends) = &placed.bends {
@@ -186,8 +186,8 @@ pub fn lights(manifest: &Manifest) -> Result<transport::World> {
     })
 }
 
-/// The sky itself, `strength` times, with the background below its horizon where there is no ground. The ground is
-/// worked out anew from the sky, not from its harmonics.
+/// The sky itself, multiplied by `strength`, with the background below its horizon where there is no ground. The
+/// ground's radiance is computed again from the sky, not from its harmonics.
 pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport::Dome {
     let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
     let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
@@ -201,7 +201,7 @@ pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport
     }
 }
 
-/// The sun as the reference renderer takes it; `None` where the scene has none.
+/// The sun in the reference renderer's form; `None` where the scene has none.
 pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
     let (Some(direction), Some(sun)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
     let own = Daylight::of(manifest)?.map(|d| d.sun);
@@ -209,7 +209,7 @@ pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
     Ok(Some(transport::ReferenceSun { direction, irradiance, radius: sun.radius_deg.to_radians() }))
 }
 
-/// The camera of a perspective view; a view that is silent looks 30° wide, with z up.
+/// The camera of a perspective view. A view that does not state them has a field of view of 30° and z up.
 pub fn camera(view: &View) -> transport::Camera {
     transport::Camera {
         eye: DVec3::from(view.eye_mm.unwrap_or_default()),
@@ -219,7 +219,7 @@ pub fn camera(view: &View) -> transport::Camera {
     }
 }
 
-/// A mesh as the reference renderer takes it.
+/// A mesh in the reference renderer's form.
 pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
     transport::ReferenceMesh {
         positions: mesh.positions.clone(),
@@ -231,7 +231,7 @@ pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
     }
 }
 
-/// A side that the fit does not have, or wood's.
+/// A side that the fit does not have, or a side of wood.
 pub fn black(texels: usize) -> transport::ReferenceSide {
     let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
     transport::ReferenceSide {
@@ -241,8 +241,8 @@ pub fn black(texels: usize) -> transport::ReferenceSide {
     }
 }
 
-/// A leaf with everything that its fit has. What the plan leaves out of the picture is drawn here all the same, so that
-/// the picture is held against the leaf and not against the plan.
+/// A leaf with everything that its fit has. Parts that the plan leaves out are drawn here too, so that the picture is
+/// compared with the leaf and not with the plan.
 fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
     let config = leaf.config;
     if let (Some(blade), Some(stated)) = (&leaf.placed.mesh, &config.uniform) {
@@ -293,7 +293,7 @@ fn uniform(
     transport::ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe: config.lobe() }
 }
 
-/// One side as its maps have it.
+/// One side, as its maps describe it.
 struct ReadSide {
     side: transport::ReferenceSide,
     size: [usize; 2],
@@ -308,7 +308,7 @@ fn one_side(config: &mesophyll_manifest::Leaf, fitted: &LeafFit, side: Side, led
     let inside: &[Quantity] = if pigment { &[Quantity::SigmaA, Quantity::SigmaS] } else { &[Quantity::Gamma] };
     let common = [Quantity::Mask, Quantity::Thickness, Quantity::M, Quantity::RhoS];
     let mut planes = maps.require_planes(&path, &[&common, inside].concat())?;
-    // A fit fills its maps beyond the good texels itself; what it left undetermined is filled here.
+    // A fit itself fills its maps beyond the good texels. Texels that it left undetermined are filled here.
     let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
     let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
     fill::require(&path, &mut planes, &good, width, height)?;
@@ -331,7 +331,7 @@ fn one_side(config: &mesophyll_manifest::Leaf, fitted: &LeafFit, side: Side, led
     Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
 }
 
-/// ρd and ρt of every texel from its own σa, σs and thickness.
+/// ρd and ρt of every texel, from its own σa, σs and thickness.
 fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::Interior {
     let texels: Vec<[f32; 6]> = (0..thickness.len())
         .into_par_iter()

@@ -1,9 +1,9 @@
-//! A leaf as its own scan saw it: the flat, rectified blade under the tube, from the fit's folder, for both renderers.
-//! Everything is drawn from the fit, and nothing of the scene's light takes part, so that the pictures can be set
-//! against frames that were measured.
+//! A leaf as its own scan saw it, for both renderers: the flat, rectified blade under the tube, from the fit's folder.
+//! Everything is drawn from the fit, without the scene's light, so that the pictures can be compared with measured
+//! frames.
 //!
-//! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of
-//! its own, as in every other view.
+//! The renderer uses W's packed textures and a slab curve. The reference uses the float maps and its own interpolation,
+//! as in every other view.
 
 use super::{handover, leaf_maps, reference};
 use crate::loaded::curve::curve;
@@ -23,7 +23,7 @@ use mesophyll_transport as transport;
 use mesophyll_viewer::scene as viewer;
 use std::sync::Arc;
 
-/// Linear interpolation of the slab's curve stays within this of the slab.
+/// Largest error of the linear interpolation of the slab's curve.
 const CURVE: f64 = 1e-4;
 
 /// One side of a fit and the device that scanned it.
@@ -42,7 +42,7 @@ pub struct Scanned<'a> {
 
 impl<'a> Scanned<'a> {
     /// # Errors
-    /// [`Error::Input`] for a fit that does not say how its leaf was scanned, or whose maps cannot be read.
+    /// [`Error::Input`] for a fit that does not state how its leaf was scanned, or whose maps cannot be read.
     pub fn new(fitted: &'a LeafFit, side: Side) -> Result<Scanned<'a>> {
         let scan = fitted.record.scan.as_ref().ok_or_else(|| {
             Error::field(
@@ -55,7 +55,7 @@ impl<'a> Scanned<'a> {
         Ok(Scanned { fitted, scan, side, width: info.width, height: info.height })
     }
 
-    /// Some quantities of the side's maps, without holes.
+    /// Some quantities of the side's maps, with holes filled.
     fn maps(&self, quantities: &[Quantity]) -> Result<Maps> {
         let path = self.fitted.path(File::Maps, self.side);
         let maps = self.fitted.maps(self.side)?;
@@ -70,11 +70,11 @@ impl<'a> Scanned<'a> {
         LeafMesh::rectangle(self.width as f64 * self.scan.texel_mm, self.height as f64 * self.scan.texel_mm)
     }
 
-    /// The scene for the renderer, the tube where it stood in `frame`; the gloss as it was fitted, or `bounded` by the
-    /// V-cavity factor that scenes have. Cook–Torrance lobes always have it.
+    /// The scene for the renderer, with the tube at its place in `frame`. The gloss is as it was fitted or, with
+    /// `bounded`, has the V-cavity factor as in scenes. Cook–Torrance lobes always have it.
     ///
     /// # Errors
-    /// A map that cannot be read.
+    /// [`Error::Input`] for a map that cannot be read.
     pub fn scene(&self, frame: &KeptFrame, bounded: bool) -> Result<viewer::Scene> {
         let (h, sigma_a, sigma_s) = self.slab()?;
         let path = self.fitted.path(File::Maps, self.side);
@@ -123,10 +123,10 @@ impl<'a> Scanned<'a> {
         Ok(scene)
     }
 
-    /// The same for the reference.
+    /// The same for the reference renderer.
     ///
     /// # Errors
-    /// A map that cannot be read.
+    /// [`Error::Input`] for a map that cannot be read.
     pub fn world(&self, frame: &KeptFrame) -> Result<transport::World> {
         let (_, sigma_a, sigma_s) = self.slab()?;
         let quantities = [Quantity::Gamma, Quantity::Thickness, Quantity::RhoS, Quantity::M, Quantity::Normal];

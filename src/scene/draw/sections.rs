@@ -1,4 +1,4 @@
-//! Plants in the wind, handed over to the GPU renderer: the sections that carry leaves and bark, for each time.
+//! Hands plants in the wind to the GPU renderer: the sections that carry leaves and bark, for each time.
 
 use super::handover::still_branches;
 use glam::DQuat;
@@ -10,7 +10,7 @@ use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Which sections carry the vertices of bark, in one list; the same plant at many places has them once.
+/// The sections that carry the vertices of bark, in one list. A plant at many places has its vertices in the list once.
 #[derive(Default)]
 pub struct Barks {
     of_vertices: Vec<u32>,
@@ -18,7 +18,7 @@ pub struct Barks {
 }
 
 impl Barks {
-    /// How a wood's vertices are carried.
+    /// How the vertices of a wood are carried.
     pub fn carried(&mut self, bark: &Bark) -> viewer::Carried {
         let begin = *self.known.entry(Arc::as_ptr(&bark.of_vertices)).or_insert_with(|| {
             let begin = self.of_vertices.len() as u32;
@@ -29,7 +29,7 @@ impl Barks {
     }
 }
 
-/// What carries plants in the wind: posed in double precision, a table of sections for each time.
+/// Hands over the plants in the wind: poses in double precision, and a table of sections for each time.
 pub fn plants(manifest: &Manifest, placed: &Placed, barks: Barks, out: &mut viewer::Scene) {
     let Some(winds) = placed.winds.clone() else { return };
     let section = |r: &Rigid| viewer::Section {

@@ -1,8 +1,8 @@
-//! A ground with a grain: soil, clods and old leaves of many sizes, made up from noise, for the path tracer.
+//! A ground with a grain, for the path tracer: soil, clods and old leaves of many sizes, made from noise.
 //!
 //! The pattern is a square tile that repeats without a seam. Its logarithm is the sum of value noise in octaves (Perlin
-//! 1985, "An image synthesizer") and of flat ellipses that stand for old leaves and stones. Each channel's mean is the
-//! ground's albedo, so that the light that the ground sends back is on average that of the plain one.
+//! 1985, "An image synthesizer") and of flat ellipses that represent old leaves and stones. The mean of each channel is
+//! the ground's albedo, so that on average the ground returns the same light as an even one.
 
 use super::reference::{black, mesh};
 use glam::{DVec2, DVec3};
@@ -14,17 +14,18 @@ use rand_pcg::Pcg64;
 
 /// Texels along a side of the tile.
 const TEXELS: usize = 1024;
-/// Cells of the coarsest noise along a side of the tile; each octave has twice as many and a weight of this share.
+/// Number of cells of the coarsest noise along a side of the tile. Each octave has twice as many cells, and a weight of
+/// this share.
 const COARSEST: usize = 16;
 const OCTAVES: usize = 6;
 const SHARE: f64 = 0.9;
-/// Old leaves and stones a square of one grain.
+/// Number of old leaves and stones in a square of one grain.
 const LITTER: f64 = 0.5;
-/// How much more red and less blue what is lit has than the mean: wet soil is darker and bluer.
+/// Colour of light places relative to the mean, with more red and less blue, because wet soil is darker and bluer.
 const TINT: [f64; 3] = [1.15, 1.0, 0.8];
 
-/// The ground as a leaf of the world, `size` mm wide and deep; `None` where it has no grain. Where the ground is
-/// `repeated` in a periodic scene, it is covered by whole tiles, which are stretched a little so that they fit.
+/// The ground as a leaf of the world, `size` mm wide and deep; `None` where it has no grain. A ground that is
+/// `repeated` in a periodic scene has whole tiles, which are stretched slightly to fit.
 pub fn leaf(ground: &Ground, size: [f64; 2], repeated: bool) -> Option<transport::ReferenceLeaf> {
     let grain = ground.grain_mm?;
     let mut front = black(TEXELS * TEXELS);
@@ -42,10 +43,10 @@ pub fn leaf(ground: &Ground, size: [f64; 2], repeated: bool) -> Option<transport
     })
 }
 
-/// Squares of this width beside each other, each with the whole tile; the last of a row and of a column are cut off.
-/// Or `whole` tiles of about this width.
+/// Squares of this width side by side, each with the whole tile. The last ones of a row and of a column are cut off.
+/// With `whole`, all tiles are whole and about this wide.
 fn tiles(size: [f64; 2], width: f64, height: f64, whole: bool) -> LeafMesh {
-    // How many tiles lie along x and y, whole or not.
+    // The number of tiles along x and y, which need not be whole.
     let along = DVec2::from(size) / width;
     let along = if whole { along.round().max(DVec2::ONE) } else { along };
     let step = DVec2::from(size) / along;
@@ -69,8 +70,8 @@ fn tiles(size: [f64; 2], width: f64, height: f64, whole: bool) -> LeafMesh {
     out
 }
 
-/// The tile's reflectance, a map a channel, of `side` texels along a side; its logarithm has about the standard
-/// deviation `contrast` as long as little of it is cut at 1.
+/// The tile's reflectance, with a map of `side` × `side` texels for each channel. The standard deviation of its
+/// logarithm is about `contrast`, as long as few values are cut at 1.
 fn albedo(mean: [f64; 3], contrast: f64, side: usize) -> [Vec<f32>; 3] {
     let mut pattern = vec![0.0; side * side];
     let mut rng = Pcg64::seed_from_u64(11);
@@ -87,8 +88,8 @@ fn albedo(mean: [f64; 3], contrast: f64, side: usize) -> [Vec<f32>; 3] {
     })
 }
 
-/// The scale at which values that are cut at 1 have this sum, which is at most their number. The sum is a concave
-/// function of the scale, in straight pieces: Newton's steps from below reach it from below.
+/// The scale at which the values, cut at 1, have this sum, which is at most their number. The sum is a concave,
+/// piecewise linear function of the scale. So Newton's steps from below reach the solution from below.
 fn scale_to(sum: f64, values: &[f64]) -> f64 {
     let mut scale = 0.0;
     loop {
@@ -104,7 +105,7 @@ fn scale_to(sum: f64, values: &[f64]) -> f64 {
     }
 }
 
-/// Adds value noise in octaves; it repeats with the tile.
+/// Adds value noise in octaves, which repeats with the tile.
 fn noise(pattern: &mut [f64], side: usize, rng: &mut Pcg64) {
     let mut weight = 1.0;
     for octave in 0..OCTAVES {
@@ -127,7 +128,7 @@ fn noise(pattern: &mut [f64], side: usize, rng: &mut Pcg64) {
     }
 }
 
-/// Lays flat ellipses about one grain long on the tile, each of one brightness and with a shadow along one side.
+/// Adds flat ellipses about one grain long, each with one brightness and a shadow along one side.
 fn litter(pattern: &mut [f64], side: usize, rng: &mut Pcg64) {
     let grain = side as f64 / GRAINS_A_TILE;
     for _ in 0..(LITTER * GRAINS_A_TILE * GRAINS_A_TILE) as usize {
@@ -158,13 +159,13 @@ fn litter(pattern: &mut [f64], side: usize, rng: &mut Pcg64) {
 mod tests {
     use super::*;
 
-    /// Each channel's mean is the albedo, nothing reflects more than it gets, and neighbours across the tile's edge are
-    /// as like as neighbours within it.
+    /// The mean of each channel is the albedo, and nothing reflects more light than it gets. Neighbours across the
+    /// tile's edge are as similar as neighbours within it.
     #[test]
     fn a_tile_has_its_mean_and_no_seam() {
         let side = 256;
         let mean_of = |map: &Vec<f32>| map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
-        // Much of a bright ground is cut at 1.
+        // Many values of a bright ground are cut at 1.
         for (mean, contrast) in [([0.9, 0.5, 1.0], 1.0), ([0.0, 0.7, 0.99], 0.4)] {
             for (map, mean) in albedo(mean, contrast, side).iter().zip(mean) {
                 assert!((mean_of(map) - mean).abs() <= 1e-6 * mean, "{} {mean}", mean_of(map));
@@ -186,7 +187,7 @@ mod tests {
         }
     }
 
-    /// The squares cover the ground and nothing else, face up.
+    /// The squares cover exactly the ground, with their fronts up.
     #[test]
     fn tiles_cover_the_ground() {
         for (whole, one) in [(false, 64.0), (true, 1000.0 / 16.0), (false, 3000.0)] {
@@ -198,7 +199,7 @@ mod tests {
                 area += 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).z;
                 let q = [a, b, c].map(|k| mesh.uvs[k]);
                 texture += 0.5 * (q[1] - q[0]).perp_dot(q[2] - q[0]).abs();
-                // Along x a tile is as wide as it should be, whether it is cut off or not.
+                // Along x every tile has the right width, whether it is cut off or not.
                 let wide = (p[1].x - p[0].x) / (q[1].x - q[0].x);
                 assert!(q[1].x == q[0].x || (wide / one - 1.0).abs() < 1e-9, "{wide}");
             }

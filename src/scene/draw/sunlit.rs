@@ -1,5 +1,5 @@
-//! What comes of the sun through every placed leaf that has translucency maps, for the reference renderer: one map an
-//! instance and lit side ([`crate::loaded::convolved`]).
+//! How sunlight passes through every placed leaf that has translucency maps, for the reference renderer: one map for
+//! each instance and lit side ([`crate::loaded::convolved`]).
 
 use crate::Result;
 use crate::loaded::{Leaf, Scene};
@@ -10,8 +10,8 @@ use mesophyll_placed::placement::Placement;
 use mesophyll_transport::{Sunlit, Through, World};
 use rayon::prelude::*;
 
-/// Lights every instance of `world`, which [`super::reference::world`] made, for where its sun and its instances are
-/// now. Instances that show no light from behind to any of `eyes` are left alone.
+/// Computes the transmitted sunlight for every instance of `world`, which [`super::reference::world`] made, for the
+/// present sun and the present places. Instances that show none of `eyes` any light from behind are left unchanged.
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose maps cannot be read.
@@ -19,7 +19,7 @@ pub fn relight(world: &mut World, scene: &Scene, eyes: &[DVec3]) -> Result<()> {
     light(world, scene, Some(eyes), false, |_, _| true)
 }
 
-/// As [`relight`], wherever the sun comes through, seen or not.
+/// As [`relight`], wherever sunlight passes through, whether it is seen or not.
 ///
 /// # Errors
 /// As [`relight`].
@@ -27,8 +27,8 @@ pub fn relight_everywhere(world: &mut World, scene: &Scene) -> Result<()> {
     light(world, scene, None, false, |_, _| true)
 }
 
-/// As [`relight`], of those leaves' sides alone that `has(leaf, side)` says still have their maps; `leaf` is the
-/// renderers' index.
+/// As [`relight`], but only for those leaves' sides for which `has(leaf, side)` says that they still have their maps.
+/// `leaf` is the renderers' index.
 ///
 /// # Errors
 /// As [`relight`].
@@ -41,7 +41,7 @@ pub fn relight_where(
     light(world, scene, eyes, false, has)
 }
 
-/// As [`relight`], by the stored coefficients instead of the convolution; whether there was anything to light so.
+/// As [`relight`], with the stored coefficients instead of the convolution. Returns whether there was any such light.
 ///
 /// # Errors
 /// As [`relight`].
@@ -65,7 +65,7 @@ fn light(
     let mut through = vec![Through::default(); instances.len()];
     let mut any = false;
     for (index, &leaf) in drawn.iter().enumerate() {
-        // Whether the plan leaves a side's maps out has no say here.
+        // Here it does not matter whether the plan leaves a side's maps out.
         let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { continue };
         let Some(inside) = leaf.inside()? else { continue };
         let facing = |i: usize| {

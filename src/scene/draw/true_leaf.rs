@@ -1,6 +1,6 @@
-//! The leaves of a scene as they truly are, where their scans are synthetic: the reference's world with ρd, ρt, ρs, m
-//! and normals of the scan's `truth/` in place of the fit's, everything else (mesh, placement, light) as it was. A
-//! picture of it against the picture from the fit shows what the fit costs.
+//! The true leaves of a scene whose scans are synthetic. In the reference's world, ρd, ρt, ρs, m and normals come from
+//! the scan's `truth/` instead of the fit, and everything else (mesh, placement, light) is unchanged. Comparing its
+//! picture with the picture from the fit shows the error of the fit.
 
 use crate::loaded::Scene;
 use crate::{Error, Result};
@@ -12,11 +12,11 @@ use mesophyll_optics::side::Side;
 use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
 
-/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of
-/// these leaves; light through translucency maps, which have no such truth, stays the fit's.
+/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. Returns the
+/// names of these leaves. Translucency maps have no such truth, so their light stays that of the fit.
 ///
 /// # Errors
-/// A truth that is there and cannot be read.
+/// [`Error::Input`] for a truth that exists and cannot be read.
 pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Result<Vec<String>> {
     let manifest = &scene.manifest;
     let mut names = Vec::new();
@@ -57,7 +57,7 @@ pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Resul
     Ok(names)
 }
 
-/// The truth of a side where there is one of the drawn maps' size.
+/// The truth of a side, where there is one with the size of the drawn maps.
 fn open(path: &Path, drawn: &transport::ReferenceLeaf) -> Result<Option<Maps>> {
     if !path.is_file() {
         return Ok(None);
@@ -70,7 +70,7 @@ fn three(truth: &Maps, path: &Path, quantity: Quantity) -> Result<[Vec<f32>; 3]>
     found.try_into().map_err(|_| Error::input(path, "expected three channels"))
 }
 
-/// Channels, filled beyond the leaf as a fit's maps are.
+/// Channels, which are filled beyond the leaf like those of a fit.
 fn planes(truth: &Maps, path: &Path, quantity: Quantity) -> Result<Vec<Vec<f32>>> {
     let mut found = truth.require_planes(path, &[quantity])?;
     let mask = truth.scalar(Quantity::Mask);

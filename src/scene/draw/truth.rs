@@ -1,5 +1,5 @@
-//! What a picture is held against: the direct-light reference, or the path tracer where the scene has light between
-//! leaves.
+//! The reference that a picture is compared with: the direct-light reference, or the path tracer where the scene has
+//! light between leaves.
 
 use super::reference;
 use crate::Result;
@@ -12,28 +12,28 @@ use mesophyll_transport::{self as transport, World};
 /// A reference that is ready to draw.
 pub struct Truth<'a> {
     direct: transport::Renderer<'a>,
-    /// Light between leaves.
+    /// The path tracer, for light between leaves.
     paths: Option<Tracer<'a>>,
 }
 
 /// How a reference is sampled.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling {
-    /// Pixels a row, and rows.
+    /// Number of pixels in a row, and number of rows.
     pub size: [usize; 2],
-    /// A pixel.
+    /// Samples for each pixel.
     pub samples: u32,
-    /// Over the sun's disk.
+    /// Samples over the sun's disk.
     pub sun_samples: u32,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
-/// Most samples that tell where a pixel shows the inside of a surface, without the light between leaves.
+/// The largest number of direct-light samples, which decide where a pixel shows the interior of a surface.
 const MOST_FOR_SHAPES: u32 = 16;
 
 impl Sampling {
-    /// As the scene's `[check]` has it, with another seed.
+    /// The sampling of the scene's `[check]`, with another seed.
     pub fn of(scene: &Scene, seed: u64) -> Sampling {
         let check = &scene.manifest.check;
         Sampling {
@@ -46,7 +46,7 @@ impl Sampling {
 }
 
 impl<'a> Truth<'a> {
-    /// With light `between` leaves, or direct light alone.
+    /// A reference with light `between` leaves, or with direct light alone.
     ///
     /// # Errors
     /// As [`transport::Renderer::new`].
@@ -55,7 +55,7 @@ impl<'a> Truth<'a> {
         Ok(Truth { direct: transport::Renderer::new(world)?, paths })
     }
 
-    /// A view of the scene, from `seed`.
+    /// The picture of a view of the scene, with the seed `seed`.
     ///
     /// # Errors
     /// As [`Truth::draw`].
@@ -63,7 +63,7 @@ impl<'a> Truth<'a> {
         self.draw(&reference::camera(view), &view.name, Sampling::of(scene, seed))
     }
 
-    /// What a camera sees; `what` names it in the progress bar.
+    /// The picture of a camera. `what` names it in the progress bar.
     ///
     /// # Errors
     /// [`crate::Error::Usage`] for a camera that looks nowhere; [`crate::Error::Interrupted`] after a stop.
@@ -78,7 +78,8 @@ impl<'a> Truth<'a> {
             sun_samples,
             seed,
             sky_samples: 4,
-            // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.
+            // A narrow part of a grazing leaf may lie between the rays of one pixel, but not between those of all
+            // neighbouring pixels.
             margin: 2,
         };
         let mut out = self.direct.render(camera, size[0], size[1], &options)?;

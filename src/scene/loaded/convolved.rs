@@ -1,6 +1,7 @@
-//! What comes of the sun through a leaf that has translucency maps, for the reference renderer: one map a lit side and
-//! sun, by the **full convolution** for that very sun, which stands elsewhere in each texel's tangent frame (blades are
-//! curved). No directional basis takes part, nor the maps themselves: what `fit.toml` says they were made from does.
+//! How sunlight passes through a leaf that has translucency maps, for the reference renderer: one map for each lit side
+//! and sun, by the **full convolution** for that very sun. Blades are curved, so the sun has another direction in each
+//! texel's tangent frame. Neither a directional basis nor the maps themselves are used, but the data that `fit.toml`
+//! names as their source.
 
 use super::Leaf;
 use super::translucency::{Of, front_texel};
@@ -25,25 +26,25 @@ use mesophyll_transport::Sunlit;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-/// Thickness levels: twice as many as a fit has.
+/// Number of thickness levels, twice that of a fit.
 const LEVELS: usize = 16;
-/// Directions of the light from everywhere that the measured colour is divided by.
+/// Directions of the light from everywhere, by which the measured colour is divided.
 const AROUND: Rule = Rule::Product { levels: 16, azimuths: 48 };
 
-/// One leaf's inside, ready for any sun.
+/// The interior of one leaf, ready for any sun.
 #[derive(Debug)]
 pub struct Inside {
-    /// Tangent, image up and normal at every texel of the front's maps.
+    /// Tangent, upward direction of the image, and normal at every texel of the front's maps.
     frames: Vec<[DVec3; 3]>,
     width: usize,
     ways: [OnceLock<Way>; 2],
 }
 
-/// How the reference gets to the light that enters one side.
+/// The way in which the reference computes light that enters one side.
 #[derive(Debug)]
 enum Way {
     Convolved(Box<Convolved>),
-    /// The maps do not say how they were made: the basis itself, with the sun in every texel's frame.
+    /// The maps do not state how they were made. So the basis itself is used, with the sun in every texel's frame.
     AsTheyAre,
 }
 
@@ -51,7 +52,7 @@ enum Way {
 #[derive(Debug)]
 struct Convolved {
     source: Source,
-    /// Of `source.sides`.
+    /// Index in `source.sides`.
     at: usize,
     horizon: Horizon,
     channels: Vec<Channel>,
@@ -96,7 +97,7 @@ impl Convolved {
         let on = of.thickness.iter().zip(&of.mask).filter(|(_, m)| **m).map(|(d, _)| *d);
         let (thin, thick) = on.fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(d), b.max(d)));
         let convolver = Convolver::with(&settings, self.source.width, self.source.height, thin, thick)?;
-        // One function, 1 everywhere: the light from all around.
+        // One function that is 1 everywhere gives the light from all around.
         let lights = Lights::new(AROUND);
         let mut projector = Projector::new(Basis::HalfLife2, &lights, Weights::Gram).map_err(Error::Usage)?;
         projector.matrix = vec![lights.weights.clone()];
@@ -106,7 +107,7 @@ impl Convolved {
         Ok(Channel { surface, convolver, total })
     }
 
-    /// What multiplies ρt, or stands for it, for each of some suns; `omega(i, k)` is sun `i` in texel k's frame.
+    /// For each sun, the factor that multiplies or replaces ρt. `omega(i, k)` is sun `i` in texel k's frame.
     fn lit(&self, count: usize, omega: impl Fn(usize, usize) -> DVec3 + Sync, width: f64) -> Vec<Sunlit> {
         let of = &self.source.sides[self.at];
         let soft = Visibility::Soft { width };
@@ -119,7 +120,7 @@ impl Convolved {
                 let mut images = [through];
                 match self.colour {
                     Colour::Substituted => {
-                        // A texel that no light reaches answers as a flat leaf would; nearly none do.
+                        // A texel that no light reaches responds like a flat leaf; almost none are such.
                         colour::substitute(&mut images, &channel.total, &[0.0], &of.mask);
                         for (k, v) in images[0].iter_mut().enumerate() {
                             if channel.total[k].is_nan() || channel.total[k] <= 0.0 {
@@ -153,7 +154,7 @@ impl Convolved {
 }
 
 impl<'a> Leaf<'a> {
-    /// What the reference renderer evaluates, made when it first asks.
+    /// The interior for the reference renderer, which is made when it is needed for the first time.
     ///
     /// # Errors
     /// As [`Inside::new`].
@@ -167,7 +168,7 @@ impl<'a> Leaf<'a> {
 }
 
 impl Inside {
-    /// `None` where the leaf has no maps that say how light comes through.
+    /// The interior of a leaf; `None` where the leaf has no translucency maps.
     ///
     /// # Errors
     /// [`Error::Input`] where the leaf's mesh covers no texel.
@@ -185,8 +186,8 @@ impl Inside {
         }))
     }
 
-    /// How light that enters side `s` is worked out, made when it is first asked for: a side that is never lit costs
-    /// nothing.
+    /// The way of computing light that enters side `s`. It is made when it is needed for the first time, so that a side
+    /// that is never lit costs nothing.
     fn way(&self, leaf: Leaf, s: usize) -> Result<Option<&Way>> {
         let maps = leaf.placed.translucent.as_ref().and_then(|t| t.fitted.as_ref());
         let (Some(fitted), Some(maps)) = (&leaf.placed.fitted, maps) else { return Ok(None) };
@@ -197,23 +198,24 @@ impl Inside {
         Ok(self.ways[s].get())
     }
 
-    /// A sun (in the leaf's own frame) in texel `k`'s tangent frame, as side `s` sees it.
+    /// The direction of a sun (given in the leaf's own frame) in texel `k`'s tangent frame, as side `s` sees it.
     fn turned(&self, s: usize, sun: DVec3, k: usize) -> DVec3 {
         let out = if s == 0 { 1.0 } else { -1.0 };
         let [t, b, n] = self.frames[front_texel(k, s, self.width)];
         DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun))
     }
 
-    /// What multiplies ρt (or stands for it) when each of `suns` shines on side `s`; `radius` is the sun's (rad).
+    /// The factor that multiplies or replaces ρt when each of `suns` shines on side `s`. `radius` is that of the sun
+    /// (rad).
     ///
     /// # Errors
-    /// [`Error::Input`] where what the maps were made from cannot be read.
+    /// [`Error::Input`] where the source of the maps cannot be read.
     pub fn lit(&self, leaf: Leaf, s: usize, suns: &[DVec3], radius: f64) -> Result<Vec<Sunlit>> {
         Ok(match self.way(leaf, s)? {
             None => Vec::new(),
             Some(Way::Convolved(found)) => {
                 let mut lit = found.lit(suns.len(), |i, k| self.turned(s, suns[i], k), 2.0 * radius.sin());
-                // Bilinear look-ups at the rim must not mix in the dark beside the leaf.
+                // Bilinear look-ups at the rim must not include the dark texels beside the leaf.
                 for map in &mut lit {
                     spread(map, found.mask(), self.width);
                 }
@@ -223,7 +225,7 @@ impl Inside {
         })
     }
 
-    /// The same by the stored coefficients: what the full convolution differs from by is the basis' error.
+    /// The same by the stored coefficients. Its difference from the full convolution is the error of the basis.
     pub fn stored(&self, leaf: Leaf, s: usize, suns: &[DVec3]) -> Vec<Sunlit> {
         let Some(coefficients) = &leaf.loaded.coefficients[s] else { return Vec::new() };
         suns.iter()
@@ -240,7 +242,7 @@ impl Inside {
     }
 }
 
-/// Texels beside the leaf take their neighbours' values.
+/// Texels beside the leaf get their neighbours' values.
 fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
     let around = |planes: &mut [Vec<f32>]| {
         fill::nearest(planes, mask, width, mask.len() / width);

@@ -1,32 +1,33 @@
-//! ρd and ρt of a slab against its thickness, as fine as was asked.
+//! ρd and ρt of a slab over its thickness, with the requested accuracy.
 
 use crate::plan::accuracy::Row;
 use mesophyll_optics::slab;
 use mesophyll_placed::ledger::Ledger;
 use std::time::Instant;
 
-/// ρd and ρt of the slab against thickness, on a uniform grid.
+/// ρd and ρt of the slab over its thickness, on a uniform grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
-    /// mm.
+    /// Thickness at the first point (mm).
     pub min: f64,
-    /// mm.
+    /// Thickness at the last point (mm).
     pub max: f64,
-    /// Reflectance at each point of the grid, a channel.
+    /// Reflectance at each point of the grid, for each channel.
     pub rho_d: Vec<[f64; 3]>,
-    /// Transmittance at each point of the grid, a channel.
+    /// Transmittance at each point of the grid, for each channel.
     pub rho_t: Vec<[f64; 3]>,
-    /// Error of linear interpolation against the slab, by number of points.
+    /// Error of linear interpolation, for several numbers of points.
     pub rows: Vec<Row>,
 }
 
-/// Most intervals of a curve.
+/// The largest number of intervals of a curve.
 const FINEST: usize = 1024;
 
-/// Samples the slab between `min` and `max` mm until linear interpolation is within `allowed` (relative) of it.
+/// Samples the slab between `min` and `max` mm until linear interpolation agrees with it within the relative error
+/// `allowed`.
 ///
-/// The error is measured at the midpoints of every interval, where a smooth curve is farthest from its chords; the
-/// midpoints become the next refinement's points, so nothing is solved twice.
+/// The error is measured at the middle of every interval, where a smooth curve is farthest from its chords. The middles
+/// become points of the next refinement, so nothing is solved twice.
 pub fn curve(
     sigma_a: [f64; 3],
     sigma_s: [f64; 3],
@@ -54,7 +55,7 @@ pub fn curve(
                 for q in 0..2 {
                     for c in 0..3 {
                         let chord = 0.5 * (points[k][q][c] + points[k + 1][q][c]);
-                        // Below a millionth nothing shows: no relative digits are asked there.
+                        // Values below a millionth are invisible, so they need no relative accuracy.
                         error = error.max((chord - middle[q][c]).abs() / middle[q][c].abs().max(1e-6));
                     }
                 }
@@ -81,7 +82,7 @@ pub fn curve(
 }
 
 impl Curve {
-    /// Linear interpolation, held at the ends.
+    /// Linear interpolation, constant beyond the ends.
     pub fn at(&self, h: f64) -> ([f64; 3], [f64; 3]) {
         let last = self.rho_d.len() - 1;
         let x = ((h - self.min) / (self.max - self.min)).clamp(0.0, 1.0) * last as f64;
@@ -105,7 +106,7 @@ mod tests {
             let c = curve(sa, ss, 0.1, 0.3, allowed, "t", &ledger);
             assert!(c.rho_d.len() > last);
             last = c.rho_d.len();
-            // An independent look: points that are neither nodes nor midpoints.
+            // An independent test at points that are neither nodes nor middles.
             for k in 0..50 {
                 let h = 0.1 + 0.2 * (f64::from(k) + 0.313) / 50.0;
                 let (rd, rt) = c.at(h);

@@ -1,5 +1,5 @@
-//! What one side's gloss adds to a displayed value at most, at every angle that the scene's views, placements and suns
-//! have ([`super::gloss_bound`]).
+//! The largest contribution of one side's gloss to a displayed value, over all angles of the scene's views, placements
+//! and suns ([`super::gloss_bound`]).
 
 use super::gloss_bound::{self, Lights, Maps};
 use super::{Leaf, Stand};
@@ -13,7 +13,7 @@ use mesophyll_placed::daylight::{self, Daylight};
 use mesophyll_placed::fits::reads;
 use std::f64::consts::TAU;
 
-/// What gloss adds to a displayed value at most; infinite where a camera, a sun or a slider may take it anywhere.
+/// The largest contribution of gloss to a displayed value; infinite where camera, sun or sliders are free.
 pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
     let Stand { manifest, placed, ledger } = at;
     let Some(mesh) = &leaf.placed.mesh else { return Ok(f64::INFINITY) };
@@ -52,8 +52,8 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
         let maps = Maps { size: leaf.plan.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
         gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerated())
     };
-    // Mapped normals only make the bound larger: they are not read where the mesh's own already exceed what is
-    // tolerated.
+    // Mapped normals only increase the bound. So they are not read where the bound with the mesh's own normals already
+    // exceeds the tolerance.
     let by_mesh = most(None);
     if by_mesh > manifest.tolerated() || lights.suns.is_empty() {
         return Ok(by_mesh);
@@ -62,7 +62,7 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
     Ok(most(Some(&normals)))
 }
 
-/// Everything that lights the scene's views and hours.
+/// All lights of the scene's views and hours.
 fn lights(manifest: &Manifest) -> Result<Lights> {
     let mut out = Lights { exposure: manifest.exposure, ..Lights::default() };
     let (irradiance, _) = daylight::levels(manifest);
@@ -92,7 +92,8 @@ fn lights(manifest: &Manifest) -> Result<Lights> {
     Ok(out)
 }
 
-/// Where a physical sky is looked at for its brightest point: the sun, the horizon and a grid of degrees between.
+/// The directions in which a physical sky is evaluated to find its brightest point: the sun, the horizon, and a grid of
+/// degrees between.
 fn directions(sky: &Daylight) -> Vec<DVec3> {
     let sun = daylight::direction(sky.zenith, sky.azimuth);
     let ring = |zenith: f64| (0..180).map(move |k| daylight::direction(zenith, TAU * f64::from(k) / 180.0));

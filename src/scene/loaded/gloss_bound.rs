@@ -1,11 +1,11 @@
-//! An upper bound of what a side's gloss adds to any displayed value of a scene's views: what the plan must know before
-//! it leaves gloss out.
+//! An upper bound of what a side's gloss adds to any displayed value of a scene's views. The plan needs it before it
+//! leaves gloss out.
 //!
-//! The bound goes through the triangles of every placed leaf. Over one triangle the interpolated normal, the direction
-//! to the eye and the sun stray from their means by known angles, and the mapped normals stray from the interpolated
-//! one by their own tilt. Over such a cone the lobe has a closed upper bound ([`largest`]), which grows towards grazing
-//! views as the lobe itself does. Shadows are not looked at: a point in the shade shows less gloss than the bound says.
-//! Angles are in radians; radiance and irradiance are in the scene's unit.
+//! The bound is computed for the triangles of every placed leaf. Over one triangle, the interpolated normal, the
+//! direction to the eye and the direction to the sun deviate from their means by known angles. Mapped normals deviate
+//! from the interpolated one by their own tilt. Over such a cone the lobe has an upper bound in closed form
+//! ([`largest`]), which grows towards grazing views like the lobe itself. Shadows are ignored, because a point in the
+//! shade shows less gloss than the bound. Angles are in radians; radiance and irradiance are in the scene's unit.
 
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -14,35 +14,35 @@ use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A normal, a direction to the eye and one to the sun, and the angles by which each may stray.
+/// A normal, a direction to the eye and a direction to the sun, with the largest angle by which each may deviate.
 #[derive(Debug, Clone, Copy)]
 pub struct Cone {
-    /// A unit vector.
+    /// Mean normal, a unit vector.
     pub normal: DVec3,
-    /// Towards the eye; a unit vector.
+    /// Mean direction to the eye, a unit vector.
     pub view: DVec3,
-    /// Towards the sun; a unit vector.
+    /// Mean direction to the sun, a unit vector.
     pub sun: DVec3,
-    /// Radians.
+    /// Largest deviation of the normal (rad).
     pub normal_by: f64,
-    /// Radians.
+    /// Largest deviation of the direction to the eye (rad).
     pub view_by: f64,
-    /// Radians.
+    /// Largest deviation of the direction to the sun (rad).
     pub sun_by: f64,
 }
 
 /// The largest value of f_s/ρs · N·l (1/sr) within a cone, for slopes between the two of `m`.
 ///
-/// With v·h the cosine of half the angle between eye and sun, whatever the normal, f_s/ρs · N·l = D·F·G/(4 N·v) is at
-/// most D·F times the smallest of 1/(4 N·v), N·h/(2 v·h) and (N·h)(N·l)/(2 (v·h)(N·v)): the three branches of the
-/// V-cavity G.
+/// v·h is the cosine of half the angle between eye and sun for any normal. So f_s/ρs · N·l = D·F·G/(4 N·v) is at most
+/// D·F times the smallest of 1/(4 N·v), N·h/(2 v·h) and (N·h)(N·l)/(2 (v·h)(N·v)), which are the three branches of the
+/// V-cavity factor G.
 pub fn largest(lobe: Lobe, cone: &Cone, m: [f64; 2]) -> f64 {
     let apart = cone.view.angle_between(cone.sun);
     let slack = cone.view_by + cone.sun_by;
     let (nearest, farthest) =
         ((0.5 * (apart - slack)).clamp(0.0, FRAC_PI_2), (0.5 * (apart + slack)).clamp(0.0, FRAC_PI_2));
     let v_h = farthest.cos().max(1e-9);
-    // The middle of an arc moves by 1/(2 cos of half the arc) times what one of its ends moves by, at most.
+    // When one end of an arc moves, its middle moves by at most 1/(2 cos of half the arc) times as much.
     let half_by = slack / (2.0 * v_h);
     let half = (cone.view + cone.sun).normalize_or_zero();
     let alpha =
@@ -54,7 +54,7 @@ pub fn largest(lobe: Lobe, cone: &Cone, m: [f64; 2]) -> f64 {
     let cos_v = most_turned.min(FRAC_PI_2).cos().max(COS_VIEW_FLOOR);
     let cos_l = (cone.normal.angle_between(cone.sun) - cone.normal_by - cone.sun_by).max(0.0).cos().max(0.0);
     let cos_h = alpha.cos();
-    // The unpolarised Fresnel factor has no maximum between two angles, only a minimum.
+    // The unpolarised Fresnel factor may have a minimum between two angles, but no maximum.
     let fresnel = lobe.fresnel(v_h).max(lobe.fresnel(nearest.cos()));
     let cavity = (0.25 / cos_v).min(0.5 * cos_h / v_h).min(0.5 * cos_h * cos_l / (v_h * cos_v));
     largest_density(lobe, alpha.tan().powi(2), m) * fresnel * cavity
@@ -63,59 +63,59 @@ pub fn largest(lobe: Lobe, cone: &Cone, m: [f64; 2]) -> f64 {
 /// The largest D (1/sr) at tan²α of at least `tan2`, for slopes between the two of `m`.
 fn largest_density(lobe: Lobe, tan2: f64, m: [f64; 2]) -> f64 {
     let [low, high] = m.map(|m| m.max(M_FLOOR).powi(2));
-    // At a fixed angle D is largest at m² = tan²α for both densities; along that curve and at either end of the range
-    // of m, the largest value over the angle lies at one of these.
+    // At a fixed angle, D is largest at m² = tan²α for both densities. Along that curve, and at either end of the range
+    // of m, the largest value over the angle is at one of these candidates.
     let candidates = [tan2, low, high, 2.0 * low - 1.0, 2.0 * high - 1.0];
     let at = |t: f64| lobe.density((1.0 / (1.0 + t)).sqrt(), t.clamp(low, high).sqrt());
     let most = candidates.into_iter().filter(|t| *t >= tan2).map(at).fold(0.0, f64::max);
-    // A long tail with slopes above 1 grows towards facets on edge.
+    // A long-tailed density with slopes above 1 increases towards facets that are edge-on.
     if lobe.is_long_tailed() { most.max(if high > 1.0 { high / PI } else { 0.0 }) } else { most }
 }
 
-/// What falls on a scene at most, and what surely falls.
+/// The largest and the least light that falls on a scene.
 #[derive(Debug, Clone, Default)]
 pub struct Lights {
-    /// Direction and irradiance of every sun that the scene has: one, or one an hour.
+    /// Direction and irradiance of every sun of the scene: one, or one for each hour.
     pub suns: Vec<(DVec3, [f64; 3])>,
-    /// Of the sun's disk.
+    /// Angular radius of the sun's disk.
     pub radius: f64,
-    /// Radiance of the sky where it is brightest, sun excluded.
+    /// Radiance of the sky at its brightest place, without the sun.
     pub sky: [f64; 3],
-    /// Radiance of a sky that is the same all around; 0 where it is not.
+    /// Radiance of a constant sky; 0 for other skies.
     pub even_sky: [f64; 3],
-    /// What radiance is multiplied with before it is displayed.
+    /// The factor that radiance is multiplied by before it is displayed.
     pub exposure: f64,
 }
 
-/// The extremes of one side's maps over what one triangle shows.
+/// The extremes of one side's maps over one triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct Patch {
-    /// The largest, a channel.
+    /// The largest ρs of each channel.
     pub rho_s: [f64; 3],
-    /// Smallest and largest.
+    /// The smallest and the largest m.
     pub m: [f64; 2],
     /// The largest angle between mapped and interpolated normal.
     pub tilt: f64,
-    /// The smallest, a channel.
+    /// The smallest ρd of each channel.
     pub rho_d: [f64; 3],
 }
 
-/// One side's maps, a value a texel, in that side's own columns.
+/// One side's maps, with a value for each texel in that side's own columns.
 pub struct Maps<'a> {
     /// Columns and rows of texels.
     pub size: [usize; 2],
-    /// It is the back, whose columns run the other way.
+    /// Whether it is the back, whose columns run in the opposite direction.
     pub back: bool,
     /// ρs (RGB) and m.
     pub gloss: &'a [[f32; 4]],
-    /// In the tangent frame; none where the mesh's own normals are drawn.
+    /// Normals in the tangent frame; `None` where the mesh's own normals are drawn.
     pub normals: Option<&'a [[f32; 3]]>,
-    /// None where it is not known: 0 is then assumed, which only makes the bound larger.
+    /// ρd; `None` where it is not known. Then 0 is assumed, which only increases the bound.
     pub rho_d: Option<&'a [[f32; 3]]>,
 }
 
 impl Maps<'_> {
-    /// One patch a triangle of `mesh`: every texel that a bilinear look-up within the triangle can reach.
+    /// One patch for each triangle of `mesh`, over every texel that a bilinear look-up within the triangle can reach.
     pub fn patches(&self, mesh: &LeafMesh) -> Vec<Patch> {
         let [w, h] = self.size;
         (0..mesh.triangles())
@@ -152,10 +152,10 @@ impl Maps<'_> {
     }
 }
 
-/// The largest difference of a displayed value that one side's gloss makes over all placements and eyes. The search
+/// The largest difference that one side's gloss makes to a displayed value, over all placements and eyes. The search
 /// ends as soon as it has found more than `enough`.
 ///
-/// `places` are the leaf's transforms, each with the eyes that see it so.
+/// `places` are the leaf's transforms, each with the eyes that see it there.
 pub fn most(
     lobe: Lobe,
     mesh: &LeafMesh,
@@ -179,7 +179,7 @@ pub fn most(
                     return most;
                 }
                 let (view, view_by) = spread(corner.map(|k| (*eye - positions[k]).normalize_or_zero()));
-                // This side is seen where the interpolated normal turns to the eye.
+                // This side is seen where the interpolated normal faces the eye.
                 if normal.angle_between(view) - normal_by - view_by >= FRAC_PI_2 {
                     continue;
                 }
@@ -198,7 +198,7 @@ pub fn most(
                     };
                     let lit = Lit {
                         irradiance: *irradiance,
-                        // A point of the disk counts by one over its cosine to the centre.
+                        // A point of the disk has a weight of one over its cosine to the centre.
                         shine: largest(lobe, &cone, patch.m) / lights.radius.cos(),
                         cosine: (normal.angle_between(*sun) + cone.normal_by + lights.radius)
                             .min(FRAC_PI_2)
@@ -214,7 +214,8 @@ pub fn most(
     places.par_iter().fold(|| 0.0, one).reduce(|| 0.0, f64::max)
 }
 
-/// Their mean direction, and the largest angle of one from it. All around where they do not share a hemisphere.
+/// The mean of three directions, and the largest angle of one from it. The angle is π where they do not share a
+/// hemisphere.
 fn spread(directions: [DVec3; 3]) -> (DVec3, f64) {
     let Some(mean) = (directions[0] + directions[1] + directions[2]).try_normalize() else { return (DVec3::Z, PI) };
     let by = directions.map(|d| mean.angle_between(d)).into_iter().fold(0.0, f64::max);
@@ -231,18 +232,18 @@ struct Lit {
     cosine: f64,
 }
 
-/// Parts of the sun's disk that are looked at one by one, where a shadow's edge hides the rest.
+/// Number of parts of the sun's disk that are tested one by one, because a shadow's edge may hide the rest.
 const PARTS: u32 = 8;
-/// The steepest slope of sRGB's curve.
+/// The largest slope of the sRGB curve.
 const STEEPEST: f64 = 12.92;
 
 impl Lights {
-    /// The larger of `most` and what gloss adds to a displayed value here. The displayed value is concave in radiance,
-    /// so that the bound takes the least light that the leaf surely scatters beneath the gloss.
+    /// The larger of `most` and the contribution of gloss to a displayed value here. The displayed value is a concave
+    /// function of radiance, so the bound assumes the least light that the leaf surely scatters beneath the gloss.
     fn shown(&self, patch: &Patch, lit: Option<Lit>, most: f64) -> f64 {
         let mut most = most;
         for c in 0..3 {
-            // A lobe's directional albedo is at most 1.
+            // The directional albedo of a lobe is at most 1.
             let (sky, under_sky) = (patch.rho_s[c] * self.sky[c], patch.rho_d[c] * self.even_sky[c]);
             let (sun, under_sun) = lit.map_or((0.0, 0.0), |l| {
                 (patch.rho_s[c] * l.irradiance[c] * l.shine, patch.rho_d[c] * l.irradiance[c] * l.cosine / PI)
@@ -281,7 +282,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 4000, ..ProptestConfig::default() })]
 
-        /// Against the reference renderer's own lobe, anywhere within the cone.
+        /// The bound is compared with the reference renderer's own lobe, anywhere within the cone.
         #[test]
         fn no_direction_within_the_cone_is_brighter(
             lobe in lobes(),
@@ -302,7 +303,7 @@ mod tests {
             }
         }
 
-        /// A cone of one direction and one slope: the bound is the lobe itself but for what G and D leave between their
+        /// For a cone of one direction and one slope, the bound is the lobe itself, except where G is between its
         /// branches.
         #[test]
         fn the_bound_of_a_single_direction_is_the_lobe(zenith_v in 0.0f64..1.5, zenith_l in 0.0f64..1.5, turn in 0.0f64..6.3, m in 0.05f64..0.7) {
@@ -313,8 +314,8 @@ mod tests {
         }
     }
 
-    /// A rectangle with bumps, seen and lit from many places, against radiance that is evaluated directly at random
-    /// points of it.
+    /// A rectangle with bumps, seen and lit from many places, is compared with radiance that is evaluated directly at
+    /// random points of it.
     #[test]
     fn no_point_of_a_leaf_shows_more_gloss_than_the_bound() {
         use rand::{RngExt, SeedableRng};

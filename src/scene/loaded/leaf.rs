@@ -1,5 +1,4 @@
-//! The data of one leaf: W's textures, slab curves and translucency coefficients, read as far as the plan asks for
-//! them.
+//! The data of one leaf: W's textures, slab curves and translucency coefficients, as far as the plan needs them.
 
 use super::curve::{Curve, curve};
 use super::map_levels::map_levels;
@@ -20,7 +19,7 @@ use mesophyll_placed::{self as placed, branch, daylight};
 use mesophyll_transport::tone::display;
 use std::path::Path;
 
-/// Reads W's textures of a leaf whose fit is there as far as they are needed, and tells the plan what was measured.
+/// Reads the needed textures of a leaf whose fit exists, and gives the measured figures to the plan.
 pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Result<Loaded> {
     let mut out = Loaded::default();
     let Some(fitted) = &leaf.fitted else { return Ok(out) };
@@ -37,7 +36,7 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
             plan.leaves[index].size = [info.width, info.height];
         }
         if let Some(texels) = &out.textures[s].gamma_delta {
-            // A tenth of a shortcut's share, and never more than a ten-thousandth.
+            // A tenth of the tolerance for one shortcut, and at most a ten-thousandth.
             let allowed = (manifest.tolerated() / 10.0).min(1e-4);
             let what = format!("{}/{} slab curve", fitted.name, side.name());
             let made = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
@@ -70,7 +69,7 @@ fn read_gamma_delta(
     let maps = reads::maps(fitted, side, ledger)?;
     let (path, thickness) = (fitted.path(File::Maps, side), fitted.thickness(side)?);
     let h = thickness as f32;
-    // γ of a leaf texel is positive, and so is its thickness.
+    // γ and thickness of a texel on the leaf are positive.
     let known_texel = |t: &[f32; 4]| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0;
     let texels = pack::gamma_delta(&path, maps, thickness)?;
     let (texels, good) = without_holes(&path, maps, texels, known_texel)?;
@@ -78,7 +77,7 @@ fn read_gamma_delta(
     reads::same_size(fitted, side, known, [maps.width, maps.height])
 }
 
-/// The slab curve over the thicknesses of a side's texels.
+/// The slab curve over the range of thicknesses of a side's texels.
 fn of_side(
     fitted: &LeafFit,
     side: Side,
@@ -101,7 +100,7 @@ fn of_side(
     ))
 }
 
-/// Reads a side's gloss, and keeps it where it shows.
+/// Reads a side's gloss, and keeps it where it is visible.
 fn read_gloss(
     at: Stand,
     leaf: &placed::leaf::Leaf,
@@ -124,7 +123,8 @@ fn read_gloss(
     Ok(())
 }
 
-/// A texture filled wherever its numbers are not finite or `good` does not hold, and which texels the fit knew.
+/// A texture whose numbers are filled wherever they are not finite or `good` does not hold, and which texels the fit
+/// knew.
 fn without_holes(
     path: &Path,
     maps: &Maps,
@@ -138,7 +138,7 @@ fn without_holes(
     Ok((texels, known))
 }
 
-/// Picks the maps' resolution from the footprint of the nearest pixel.
+/// Chooses the maps' resolution from the footprint of the nearest pixel.
 fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan) {
     let Stand { manifest, placed, .. } = at;
     let (index, config) = (leaf.index, &manifest.leaves[leaf.index]);
@@ -169,7 +169,7 @@ fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut 
     if !footprint.is_finite() || footprint <= 0.0 {
         return;
     }
-    // Light that reaches a surface, at most: E/π and the sky's radiance.
+    // The largest light that reaches a surface: E/π and the sky's radiance.
     let mean = |c: [f64; 3]| c.iter().sum::<f64>() / 3.0;
     let (sun, sky) = daylight::levels(manifest);
     let power = mean(sun) / std::f64::consts::PI + mean(sky);
@@ -186,7 +186,8 @@ fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut 
             .collect();
         let good = &loaded.textures[s].good;
         let rows = map_levels(&value, size[0], size[1], |k| good[k], footprint, TEXEL_BYTES);
-        // Sampling a pixel's centre has an error of its own; a coarser map may not add the scene's tolerance to it.
+        // Sampling at a pixel's centre has an error itself. A coarser map may add only a part of the scene's tolerance
+        // to it.
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
         let what = format!("{}/{} map resolution", config.name, side.name());
         if let Some(row) = plan.choose(&what, rows, allowed) {

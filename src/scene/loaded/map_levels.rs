@@ -1,12 +1,12 @@
-//! What it costs to upload a map coarser than it is.
+//! The error of uploading a map with a coarser resolution.
 
 use crate::plan::accuracy::Row;
 use std::time::Instant;
 
-/// Displayed error of a map that is uploaded averaged over blocks of 1, 2, 4 … texels: sampled once a pixel through its
-/// mips (trilinear, as the renderer does) against its mean over the pixel. `value` holds the displayed map; a pixel
-/// covers `footprint` texels a side. The error is the 99th percentile over pixels. Rows run from the finest (dearest)
-/// to the coarsest.
+/// Displayed error of a map that is uploaded as averages over blocks of 1, 2, 4 … texels. The map is sampled once for
+/// each pixel through its mips (trilinear, as in the renderer), and compared with its mean over the pixel. `value`
+/// holds the displayed map, and a pixel covers `footprint` texels along a side. The error is the 99th percentile over
+/// pixels. Rows run from the finest (most expensive) to the coarsest.
 pub fn map_levels(
     value: &[f32],
     width: usize,
@@ -25,7 +25,7 @@ pub fn map_levels(
         levels.push(next);
     }
     let (nx, ny) = ((width as f64 / footprint) as usize, (height as f64 / footprint) as usize);
-    // A few thousand pixels tell the percentile.
+    // A few thousand pixels are enough for the percentile.
     let stride = ((nx * ny) as f64 / 4096.0).sqrt().ceil().max(1.0) as usize;
     let wanted = footprint.log2().max(0.0);
     let mut rows = Vec::new();
@@ -47,7 +47,7 @@ pub fn map_levels(
                 }
             }
         }
-        // A third more for the mips.
+        // Mips need a third more.
         let bytes = (levels[base].width * levels[base].height) as u64 * texel_bytes * 4 / 3;
         rows.push(Row {
             setting: 1 << base,
@@ -71,7 +71,7 @@ impl Level {
         Level { width, height, value }
     }
 
-    /// `x`, `y` in texels of this level, texel centres at ½.
+    /// `x` and `y` are in texels of this level, with texel centres at ½.
     fn bilinear(&self, x: f64, y: f64) -> f64 {
         let pick = |i: isize, j: isize| {
             let (i, j) = (i.clamp(0, self.width as isize - 1) as usize, j.clamp(0, self.height as isize - 1) as usize);
@@ -85,7 +85,7 @@ impl Level {
     }
 }
 
-/// Blocks of two by two joined; an odd last row or column pairs with itself.
+/// Joins blocks of two by two texels. An odd last row or column is paired with itself.
 pub fn halve<T: Copy>(
     value: &[T],
     width: usize,
@@ -103,7 +103,7 @@ pub fn halve<T: Copy>(
     (w, h, out)
 }
 
-/// Mean over a square with fractional edges; `None` where any of it is not good.
+/// The mean over a square with fractional edges; `None` where any part of it is not good.
 fn box_mean(value: &[f32], width: usize, good: &impl Fn(usize) -> bool, x0: f64, y0: f64, size: f64) -> Option<f64> {
     let height = value.len() / width;
     let (mut sum, mut area) = (0.0, 0.0);
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(near.len(), 1);
         let far = map_levels(&value, w, h, |_| true, 8.0, 16);
         assert_eq!(far.iter().map(|r| r.setting).collect::<Vec<_>>(), [1, 2, 4, 8, 16]);
-        // Mips coarser than the pixel lose detail, finer ones are never looked at.
+        // With mips coarser than the pixel, detail is lost. Finer mips are never read.
         assert!(
             far[..4].iter().all(|r| (r.error - far[0].error).abs() < 1e-6) && far[4].error > 1.5 * far[0].error,
             "{far:?}"

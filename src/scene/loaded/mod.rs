@@ -1,7 +1,7 @@
-//! Maps, curves and coefficients that a plan asks for, and the figures that some of its decisions rest on.
+//! The maps, curves and coefficients that a plan needs, and the figures on which some of its decisions depend.
 //!
-//! [`Scene`] is everything that is known of a scene: what its file says, what stands where, what of it is needed, and
-//! the data themselves. Renderers, checks and the window take it whole.
+//! [`Scene`] is everything that is known about a scene: the content of its file, the things and their places, the plan,
+//! and the data. Renderers, checks and the window take it as a whole.
 
 pub mod convolved;
 pub mod curve;
@@ -22,60 +22,60 @@ use mesophyll_placed::{self as placed, Placed};
 use std::sync::OnceLock;
 use translucency::Coefficients;
 
-/// A planned scene with everything that its plan asks for.
+/// A planned scene, with everything that its plan needs.
 #[derive(Debug)]
 pub struct Scene {
-    /// What the scene's file says.
+    /// The content of the scene's file.
     pub manifest: Manifest,
-    /// What stands where, in which light.
+    /// The things in the scene, their places and their light.
     pub placed: Placed,
-    /// What is needed of it.
+    /// The decisions on what is needed.
     pub plan: Plan,
-    /// In the manifest's order.
+    /// The data of each leaf, in the manifest's order.
     pub loaded: Vec<Loaded>,
-    /// Light between leaves, where the scene asks for it and it was looked for ([`Scene::find_transfer`]).
+    /// Light between leaves, where the scene requests it and [`Scene::find_transfer`] has found it.
     pub transfer: Option<mesophyll_fit_transfer::Transfer>,
 }
 
-/// One leaf of a scene: what the file says, what is there, what is decided, and the data.
+/// One leaf of a scene: its entry in the file, its fit and mesh, the decisions about it, and its data.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
-    /// What the scene's file says of it.
+    /// Its entry in the scene's file.
     pub config: &'a mesophyll_manifest::Leaf,
     /// Its fit and its mesh.
     pub placed: &'a placed::leaf::Leaf,
-    /// What is needed of it.
+    /// The decisions on what is needed of it.
     pub plan: &'a LeafPlan,
-    /// What was read of it.
+    /// The data that were read of it.
     pub loaded: &'a Loaded,
 }
 
-/// W's textures of one side, filled beyond the outline; only what the plan needs is read.
+/// W's textures of one side, filled beyond the outline. Only those that the plan needs are read.
 #[derive(Debug, Default)]
 pub struct Textures {
     /// γ (RGB) and δ (mm).
     pub gamma_delta: Option<Vec<[f32; 4]>>,
     /// ρs (RGB) and m.
     pub gloss: Option<Vec<[f32; 4]>>,
-    /// Where the fit knew γ.
+    /// For each texel, whether the fit knew γ.
     pub good: Vec<bool>,
 }
 
-/// What was read of one leaf: front, back.
+/// The data that were read of one leaf, for front and back.
 #[derive(Debug, Default)]
 pub struct Loaded {
-    /// What the renderer looks up, a side.
+    /// The textures of each side for the renderer.
     pub textures: [Textures; 2],
-    /// The slab against thickness, a side; `None` where the plan needs none.
+    /// The slab over its thickness, for each side; `None` where the plan needs none.
     pub curves: [Option<Curve>; 2],
-    /// For light that enters each side, without holes; only of sides that are back-lit where a camera looks. The plan
-    /// says which of them the renderer gets; the reference draws them all.
+    /// Coefficients for light that enters each side, without holes. Only sides that are lit from behind where a camera
+    /// looks have them. The plan decides which of them the renderer gets; the reference draws them all.
     pub coefficients: [Option<Coefficients>; 2],
-    /// For the reference renderer, made when it first asks.
+    /// The interior for the reference renderer, which is made when it is needed for the first time.
     inside: OnceLock<Option<Inside>>,
 }
 
-/// What leaves are read from.
+/// The data from which leaves are read.
 #[derive(Clone, Copy)]
 struct Stand<'a> {
     manifest: &'a Manifest,
@@ -84,14 +84,14 @@ struct Stand<'a> {
 }
 
 impl<'a> Stand<'a> {
-    /// A leaf as far as it is read and planned.
+    /// A leaf, as far as it has been read and planned.
     fn leaf(&self, placed: &'a placed::leaf::Leaf, loaded: &'a Loaded, plan: &'a Plan) -> Leaf<'a> {
         Leaf { config: &self.manifest.leaves[placed.index], placed, plan: &plan.leaves[placed.index], loaded }
     }
 }
 
 impl Scene {
-    /// Plans a scene as it stands, and reads what the plan asks for.
+    /// Plans a scene in its present state, and reads the data that the plan needs.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a damaged map, a side that a fit does not have, or a physical sky that the model
@@ -108,7 +108,7 @@ impl Scene {
         Ok(Scene { manifest, placed, plan, loaded, transfer: None })
     }
 
-    /// Looks for what is there of a scene, plans it, and reads what the plan asks for.
+    /// Searches for the data of a scene, plans it, and reads the data that the plan needs.
     ///
     /// # Errors
     /// As [`Placed::new`] and [`Scene::new`].
@@ -117,7 +117,7 @@ impl Scene {
         Scene::new(manifest, placed, ledger)
     }
 
-    /// The leaf of this index; panics where the manifest has none.
+    /// The leaf with this index. Panics where the manifest has none.
     pub fn leaf(&self, index: usize) -> Leaf<'_> {
         Leaf {
             config: &self.manifest.leaves[index],
@@ -132,7 +132,7 @@ impl Scene {
         (0..self.loaded.len()).map(|k| self.leaf(k))
     }
 
-    /// Leaves that perspective views show: those with a mesh, in the renderers' order.
+    /// Leaves that perspective views show, which are those with a mesh, in the renderers' order.
     pub fn drawn(&self) -> impl Iterator<Item = Leaf<'_>> {
         self.leaves().filter(|l| l.placed.mesh.is_some())
     }

@@ -1,9 +1,9 @@
-//! Translucency maps of a scene's leaf: what is read of them, and what they add to a picture.
+//! Translucency maps of a scene's leaf: the data that are read, and their effect on a picture.
 //!
-//! A folder of `fit translucency` holds `front.exr` and `back.exr`, for light that enters that side, in the columns of
-//! that side's camera and of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on
-//! the Half-Life 2 functions (straight or bent), or `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions
-//! are in the lit side's tangent frame.
+//! A folder of `fit translucency` holds `front.exr` and `back.exr`, for light that enters that side. They have the
+//! columns of that side's camera, and the size of the leaf's other maps. The channels `translucency.1` to `.3` are
+//! coefficients of f for the Half-Life 2 functions (straight or bent). Or `translucency.R1` to `.B3` are those of M =
+//! ρt·f for each colour. Directions are in the lit side's tangent frame.
 
 use super::map_levels::map_levels;
 use super::{Leaf, Loaded, Stand};
@@ -26,35 +26,35 @@ use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Placements whose light is looked at, at most.
+/// The largest number of placements whose light is evaluated.
 const PLACEMENTS: usize = 48;
 
-/// Three coefficients a texel, and the functions they belong to.
+/// Three coefficients for each texel, and their functions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coefficients {
-    /// The functions of direction.
+    /// The basis of functions.
     pub basis: Basis,
-    /// Their coefficients.
+    /// The coefficients for these functions.
     pub of: Of,
 }
 
-/// What the coefficients are of; a list has an entry a texel.
+/// The quantity that the coefficients describe. A list has an entry for each texel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Of {
-    /// f.
+    /// The factor f.
     Factor(Vec<[f32; 3]>),
-    /// M, a channel each.
+    /// M for each channel.
     Colour([Vec<[f32; 3]>; 3]),
 }
 
 impl Coefficients {
-    /// Σ h_i φ_i(ω), which may be negative: renderers interpolate first and cut off at 0 after.
+    /// Σ h_i φ_i(ω), which may be negative. Renderers interpolate first, and limit to 0 afterwards.
     pub fn sum(&self, h: [f32; 3], omega: DVec3) -> f64 {
         let at = Functions::from(self.basis).argument(omega.to_array());
         DVec3::from(basis::vector(h.map(f64::from))).dot(DVec3::from(at))
     }
 
-    /// Light through texel `k`, a channel each, where `rho_t` is ρt there.
+    /// The transmitted light at texel `k` for each channel, where `rho_t` is ρt there.
     fn through(&self, k: usize, omega: DVec3, rho_t: [f64; 3]) -> [f64; 3] {
         match &self.of {
             Of::Factor(map) => {
@@ -113,7 +113,7 @@ fn read(leaf: Leaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<Coeff
     Ok(Coefficients { basis, of })
 }
 
-/// Texels of a side's maps on the blade.
+/// Whether each texel of a side's maps is on the blade.
 fn on_leaf(leaf: Leaf, s: usize) -> Vec<bool> {
     let [w, h] = leaf.plan.size;
     if leaf.loaded.textures[s].good.len() == w * h {
@@ -124,13 +124,14 @@ fn on_leaf(leaf: Leaf, s: usize) -> Vec<bool> {
     (0..w * h).map(|k| front[front_texel(k, s, w)]).collect()
 }
 
-/// The front's texel behind texel `k` of a side's maps.
+/// The front's texel that corresponds to texel `k` of a side's maps.
 pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
     Side::ALL[s].in_front(k, width)
 }
 
-/// Compares the maps' light with that of ρt and the mapped normal, texel by texel and channel by channel, for the suns
-/// that the scene's placements see: for some of them first, and for all where those would do without the maps.
+/// Compares the light by the maps with the light by ρt and the mapped normal, for each texel and channel, and for the
+/// suns that the scene's placements see. First only some suns are compared, and all of them where those would not need
+/// the maps.
 fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutMaps> {
     let Stand { manifest, ledger, .. } = at;
     let layers = if matches!(maps.of, Of::Colour(_)) { 3 } else { 1 };
@@ -173,8 +174,8 @@ fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutM
     Ok(WithoutMaps { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest, ..none })
 }
 
-/// Suns in the leaf's own frame and what they would give a white surface that faces them: one for each placement and
-/// time, or a spread over both sides where the sun moves.
+/// The suns in the leaf's own frame, with the irradiance of each on a surface that faces it. There is one for each
+/// placement and time, or a set over both sides where the sun moves.
 fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
     let Stand { manifest, placed, .. } = at;
     let Some(sun) = sun_direction(manifest) else { return Vec::new() };
@@ -218,7 +219,7 @@ fn transmittance(leaf: Leaf, s: usize, side: Side, fitted: &LeafFit, ledger: &Le
     Ok((0..maps.width * maps.height).map(at).collect())
 }
 
-/// Lets the maps' own detail say how coarse the leaf's maps may be.
+/// Computes from the detail of the translucency maps how coarse the leaf's maps may be.
 pub(super) fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan, footprint: f64) {
     let manifest = at.manifest;
     let level = levels(manifest).0[1] / PI;
@@ -226,7 +227,7 @@ pub(super) fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, 
         let now = at.leaf(leaf, loaded, plan);
         let Some(maps) = loaded.coefficients[s].as_ref().filter(|_| now.plan.sides[s].translucency) else { continue };
         let mean_rho = loaded.curves[s].as_ref().map_or([1.0; 3], |c| c.at((c.min + c.max) / 2.0).1);
-        // At half the height of the sky both relief and level count.
+        // At 45° above the horizon, both relief and level count.
         let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
         let [w, h] = now.plan.size;
         let values: Vec<f32> = (0..w * h)

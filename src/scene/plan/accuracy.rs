@@ -1,22 +1,24 @@
-//! Settings of accuracy knobs: rows of error against cost, and the cheapest row that the scene's tolerance allows.
+//! Settings that trade accuracy for cost: rows of error and cost, and the cheapest row that the scene's tolerance
+//! allows.
 
 use std::time::Instant;
 
-/// One setting of an accuracy knob: what it costs and how wrong it is.
+/// One setting, with its cost and its error.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Row {
-    /// Curve points, texels across a block, or shadow maps.
+    /// The setting: number of curve points, texels along a block, or number of shadow maps.
     pub setting: usize,
-    /// Relative for the curve, displayed (0 to 1) for maps and shadows.
+    /// The error: relative for a curve, of a displayed value (0 to 1) for maps and shadows.
     pub error: f64,
-    /// Measured time (ms); zero where the renderer has not been asked.
+    /// Measured time (ms); 0 where the renderer has not been asked.
     pub ms: f64,
     /// Memory that the setting takes.
     pub bytes: u64,
 }
 
-/// Error of `n` hard shadows spread over the sun's disk against the disk itself, root mean square over a straight
-/// edge's penumbra, times the displayed `contrast` of sun and shade and the root of the picture's `share` in penumbra.
+/// Error of `n` hard shadows that are spread over the sun's disk, compared with the disk itself. It is the root mean
+/// square over the penumbra of a straight edge, times the displayed `contrast` between sun and shade, and times the
+/// root of the `share` of the picture that is in penumbra.
 pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
     [1usize, 4, 8, 16, 32, 64]
         .into_iter()
@@ -51,7 +53,7 @@ pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
         .collect()
 }
 
-/// The row with the fewest bytes within `allowed`, else the most accurate.
+/// The row with the fewest bytes among those within `allowed`; if there is none, the most accurate row.
 pub fn cheapest(rows: &[Row], allowed: f64) -> Option<Row> {
     let good = rows.iter().filter(|r| r.error <= allowed).min_by_key(|r| r.bytes);
     good.or_else(|| rows.iter().min_by(|a, b| a.error.total_cmp(&b.error))).copied()
@@ -64,8 +66,8 @@ mod tests {
     #[test]
     fn more_shadow_samples_are_nearer_to_the_disk() {
         let rows = shadow_samples(1.0, 1.0, 1);
-        // One hard shadow through the centre: the mean of the disk's squared hidden share over half the penumbra, .068
-        // by Simpson's rule.
+        // For one hard shadow from the centre, the mean square of the hidden share of the disk over half the penumbra
+        // is .068, by Simpson's rule.
         assert!((rows[0].error - 0.068f64.sqrt()).abs() < 0.01, "{rows:?}");
         assert!(rows.windows(2).all(|w| w[1].error < w[0].error));
         assert_eq!(cheapest(&rows, 1.0).map(|r| r.setting), Some(1));

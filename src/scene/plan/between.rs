@@ -1,4 +1,4 @@
-//! The plan of light between leaves: whether there is any, and what its transfer is made of.
+//! The plan of light between leaves: whether there is any, and the settings of its transfer.
 
 use super::{Between, LeftOut, Need, Plan};
 use crate::Result;
@@ -10,26 +10,28 @@ use mesophyll_placed::Placed;
 use mesophyll_placed::daylight::sun_directions;
 use mesophyll_placed::placement::Placement;
 
-/// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005, §4).
+/// Number of bands of the light where it moves and the scene does not state the number, as in the paper (Wang et al.
+/// 2005, §4).
 const BANDS: usize = 5;
-/// What light between leaves is called.
+/// The name of light between leaves in the plan.
 const NAME: &str = "light between leaves";
-/// What the sun's shadows are called that are worked out beforehand.
+/// The name in the plan of the sun's shadows that are computed beforehand.
 const SUN: &str = "sun visibility";
-/// Directions of the source's cube map (Wang et al. 2005, §4), its upper half.
+/// Number of directions in the upper half of the source's cube map (Wang et al. 2005, §4).
 const CUBE: u64 = 32 * 32 * 6 / 2;
 
-/// Whether the sun's shadows on leaves and wood are worked out beforehand, and if not, why not.
+/// Whether the sun's shadows on leaves and wood are computed beforehand. If not, the error is the reason.
 ///
 /// # Errors
-/// The reason.
+/// A sentence with the reason.
 pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> std::result::Result<(), &'static str> {
     match &manifest.transfer {
         _ if manifest.sun.is_none() => Err("the scene has no sun"),
         None => Err("the scene does not ask for it: shadow maps are drawn in the picture's own time"),
         Some(t) if t.shadows == Shadows::Maps => Err("the scene asks for shadow maps"),
         _ if stands_alone(manifest, placed) => Err("one leaf stands alone"),
-        // The window makes a map for wherever its sun is moved to; a picture has none for a sun of any other place.
+        // The window makes a map for every place that its sun is moved to. Pictures have none for other places of the
+        // sun.
         _ if !placed.free && manifest.sun.as_ref().is_some_and(|s| s.moves) => {
             Err("the sun may stand anywhere: shadow maps follow it")
         }
@@ -38,7 +40,7 @@ pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> std::result::Resu
     }
 }
 
-/// Whether a ball is in the picture of any perspective view, a little more generously than it has to be.
+/// Whether a ball is in the picture of any perspective view, with a small margin.
 fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
     let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height.max(1));
     manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).any(|view| {
@@ -54,16 +56,16 @@ fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
     })
 }
 
-/// Whether no view ever shows a leaf: views alone decide that, where neither the camera may move nor what stands there,
-/// and where no film is drawn, whose frames may be wider.
+/// Whether no view ever shows a leaf. The views decide only where camera and leaves do not move, and where no film is
+/// drawn, whose frames may be wider.
 pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
     let views_decide = !placed.free && !placed.moves().any() && !manifest.fades();
     views_decide && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
 }
 
-/// Whether no leaf has another one, wood or ground beside it.
+/// Whether no leaf has another leaf, wood or ground beside it.
 fn stands_alone(manifest: &Manifest, placed: &Placed) -> bool {
-    // A mesh of the scene's own may be many leaves; a fit's blade is one.
+    // A mesh of the scene's own may contain many leaves, whereas a fit's blade is one.
     let one_blade = manifest.leaves.iter().all(|l| l.mesh.is_none() && l.discs.is_none());
     placed.placements.len() < 2
         && placed.twigs.is_empty()
@@ -104,7 +106,7 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
     let beside = placed.placements.iter().filter(|p| unseen(manifest, placed, p)).count();
-    // What is there already is only read. Where it turns out to be of another scene, the fit asks for the memory.
+    // An existing transfer is only read. If it turns out to be of another scene, the fit checks the memory.
     if !may_be_there(manifest, placed, bands) {
         let count = of(true, bands.unwrap_or(GLOSS_BANDS)) * bands.map_or(1, |b| b * b) as u64;
         let what = format!(
@@ -160,20 +162,20 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
     Ok(())
 }
 
-/// Whether a transfer lies where this scene's would be read from: the one that it names, or a run's own.
+/// Whether a transfer exists where this scene's would be read from: the one that the scene names, or a run's own.
 fn may_be_there(manifest: &Manifest, placed: &Placed, bands: Option<usize>) -> bool {
     let named = manifest.transfer.as_ref().and_then(|t| t.fit.as_ref()).map(|f| manifest.resolve(f));
     let own = placed.out.as_ref().map(|out| folder(manifest, bands, out));
     [named, own].into_iter().flatten().any(|place| place.join("fit.toml").is_file())
 }
 
-/// Where a placement's leaf is at most: centre and radius.
+/// The ball that contains a placement's leaf: centre and radius.
 fn ball(placed: &Placed, p: &Placement) -> Option<(DVec3, f64)> {
     let (centre, radius) = placed.leaves[p.leaf].mesh.as_ref()?.bounds();
     Some((p.transform.transform_point3(centre), radius * p.transform.x_axis.truncate().length()))
 }
 
-/// Rows of all leaves together, each taken for one piece.
+/// Number of rows of all leaves together, if each is one piece.
 fn rows<'a>(asked: &Transfer, placements: impl Iterator<Item = &'a Placement>, gloss: &[bool], bands: usize) -> usize {
     let [along, across] = asked.anchors;
     let of = |leaf: usize| along * across * if gloss[leaf] { 6 + bands * bands } else { 6 };
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
     use mesophyll_manifest::View;
 
-    /// What is cut by the picture's edge is in it, what lies beside, behind or above it is not.
+    /// A ball that the picture's edge cuts is in the picture. One beside, behind or above it is not.
     #[test]
     fn a_ball_is_in_a_picture_or_beside_it() {
         let mut manifest: Manifest = toml::from_str("schema = 1\nname = \"a\"").unwrap();
@@ -199,7 +201,7 @@ mod tests {
         }];
         let seen = |x: f64, y: f64, z: f64| in_view(&manifest, DVec3::new(x, y, z), 10.0);
         assert!(seen(0.0, 0.0, 0.0) && seen(-199.0, 0.0, 0.0) && seen(0.0, 0.0, 99.0));
-        // The edge lies at 200 and 100; a ball reaches √5 and √2 times its radius beyond.
+        // The edge is at 200 and at 100. A ball reaches √5 and √2 times its radius beyond.
         assert!(seen(215.0, 0.0, 0.0) && !seen(235.0, 0.0, 0.0));
         assert!(seen(0.0, 0.0, -110.0) && !seen(0.0, 0.0, -125.0));
         assert!(seen(0.0, -105.0, 0.0) && !seen(0.0, -115.0, 0.0) && seen(3900.0, 2000.0, 1900.0));

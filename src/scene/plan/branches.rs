@@ -1,5 +1,5 @@
-//! The plan of branches and wind: beam fit, motion texture and the bend in the vertex stage, each only where something
-//! moves.
+//! The plan of branches and wind: beam fit, motion texture and the bend in the vertex stage. Each is needed only where
+//! something moves.
 
 use super::{LeftOut, Need, Plan};
 use mesophyll_fit_branch::beam::basis;
@@ -9,7 +9,7 @@ use mesophyll_placed::branch::{self, MOTION_SIDE};
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_plant::taper::TERMS;
 
-/// Lists what branches and wind ask for, or why they ask for nothing.
+/// Lists what branches and wind need, or the reason why they need nothing.
 pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &Ledger) {
     for (b, (twig, mesh)) in manifest.branches.iter().zip(&placed.twigs) {
         let bytes = (mesh.positions.len() * 32 + mesh.indices.len() * 4) as u64;
@@ -71,7 +71,7 @@ fn plants(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     if manifest.plants.is_empty() {
         return;
     }
-    // A section is three texels of four numbers, and every vertex of bark knows its own.
+    // A section takes three texels of four numbers, and every vertex of bark has the number of its section.
     let Some(winds) = &placed.winds else {
         let vertices: usize = placed.wood.iter().map(|w| w.mesh.positions.len()).sum();
         let leaves = placed.placements.len();

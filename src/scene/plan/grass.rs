@@ -1,4 +1,4 @@
-//! The plan of lawns: slices for the renderer, and the blades that they stand for.
+//! The plan of lawns: slices for the renderer, and the blades that they represent.
 
 use super::{LeftOut, Need, Plan};
 use crate::Result;
@@ -7,7 +7,7 @@ use mesophyll_manifest::Manifest;
 use mesophyll_placed::Placed;
 use mesophyll_placed::fits::source::Status;
 
-/// Lists every lawn, and what it does without.
+/// Lists every lawn, and what is left out of it.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for the record of a fit that cannot be read.
@@ -27,7 +27,7 @@ pub fn lawns(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()
             None => {
                 let options = grass.options(manifest);
                 let ([w, h], n) = (options.texels, options.slices);
-                // Whether the level one is seen is known when the slices are there.
+                // Whether the level slice is seen is known only after the slices have been made.
                 let kept = match placed.free || manifest.sun_moves() {
                     true => "",
                     false => " (handed over only where a view or the sun looks down on the lawn)",

@@ -1,7 +1,7 @@
-//! The plan of one leaf: which of its fit's files are read, which maps are uploaded, at what resolution, with how fine
-//! a slab curve.
+//! The plan of one leaf: which files of its fit are read, which maps are uploaded at which resolution, and how fine the
+//! slab curve is.
 //!
-//! The figures that some decisions rest on are measured by whoever reads the maps ([`crate::loaded`]) and handed in.
+//! Some decisions depend on figures that are measured when the maps are read ([`crate::loaded`]).
 
 use super::accuracy::Row;
 use super::{LeafPlan, LeftOut, Need, Plan, SideNeeds};
@@ -15,10 +15,10 @@ use mesophyll_record::Times;
 
 /// Bytes of a texel on the adapter: four floats.
 pub const TEXEL_BYTES: u64 = 16;
-/// Bytes of a texel of translucency maps on the adapter, a layer: four half floats.
+/// Bytes of a texel in one layer of translucency maps on the adapter: four half floats.
 pub const TRANSLUCENCY_TEXEL_BYTES: u64 = 8;
 
-/// Bytes of a texture with its mips, which are a third more.
+/// Bytes of a texture with its mips, which add a third.
 fn with_mips(size: [usize; 2], texel_bytes: u64) -> u64 {
     (size[0] * size[1]) as u64 * texel_bytes * 4 / 3
 }
@@ -27,22 +27,22 @@ fn texture_bytes(size: [usize; 2]) -> u64 {
     with_mips(size, TEXEL_BYTES)
 }
 
-/// What a picture would lose without the translucency maps of one side, and what they are.
+/// What a picture would lose without the translucency maps of one side, and the kind of these maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WithoutMaps {
-    /// Error of a displayed value: 99th percentile over the texels, and the largest.
+    /// Error of a displayed value: the 99th percentile over the texels.
     pub p99: f64,
-    /// Over the texels.
+    /// The largest error over the texels.
     pub largest: f64,
-    /// 1, or 3 where every channel has coefficients of its own.
+    /// Number of layers: 1, or 3 where every channel has its own coefficients.
     pub layers: usize,
     /// The name of the directional basis.
     pub basis: String,
 }
 
-/// What of each side is needed, from where the leaf stands.
+/// The needs of each side, which follow from the leaf's placements.
 pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
-    // With light between leaves every side is lit, by one that differs from direction to direction.
+    // With light between leaves, every side is lit by light that depends on direction.
     let between = manifest.transfer.is_some();
     let (sun, sky) = (manifest.sun.is_some(), manifest.sky.is_some() || between);
     let asked = leaf.translucent.is_some() && sun;
@@ -67,7 +67,7 @@ pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
             rho_t: f.through[1 - side] || (sky && f.seen[1 - side]),
             gloss: rho_d,
             translucency,
-            // Under a physical sky every side's light depends on where it turns, the far one's too.
+            // Under a physical sky, the light of both sides depends on their normals.
             normal: f.lit[side]
                 || (f.through[1 - side] && !translucency)
                 || ((manifest.physical_sky() || between) && (f.seen[side] || f.seen[1 - side])),
@@ -113,7 +113,7 @@ impl Plan {
         }
     }
 
-    /// Lists the leaf's shape, where its fit is there, and what a picture never needs of it.
+    /// Lists the leaf's shape, where its fit exists, and the parts of it that no picture needs.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a side that is needed and that the fit does not have.
@@ -133,14 +133,14 @@ impl Plan {
         Ok(())
     }
 
-    /// Lists what a picture never needs of a fit.
+    /// Lists the parts of a fit that no picture needs.
     pub fn leave_out_errors(&mut self, fitted: &LeafFit) {
         let bytes: u64 = Side::ALL.iter().map(|s| reads::bytes(fitted, &File::Errors.name(*s))).sum();
         let name = format!("{}: error maps and previews", fitted.name);
         self.leave_out(LeftOut::new(name, "a picture needs no standard errors", bytes, None));
     }
 
-    /// Lists a slab curve, by the rows that were measured while it was refined.
+    /// Lists a slab curve, with the rows that were measured while it was refined.
     pub fn curve(&mut self, what: String, rows: Vec<Row>) {
         let mut need = Need::new(what.clone(), "rho_d and rho_t follow the thickness h + delta of each texel");
         if let Some(r) = rows.last() {
@@ -152,7 +152,7 @@ impl Plan {
         self.need(need);
     }
 
-    /// Leaves out the gloss of a side that no light falls on.
+    /// Leaves out the gloss of a side on which no light falls.
     pub fn leave_out_gloss(&mut self, leaf: &Leaf, fitted: &LeafFit, s: usize) {
         let (side, size) = (Side::ALL[s], self.leaves[leaf.index].size);
         if fitted.has(side) {
@@ -162,8 +162,8 @@ impl Plan {
         }
     }
 
-    /// Decides about the gloss of a side by the most that it adds to a displayed value; `None` where ρs is zero
-    /// everywhere. Whether it is kept.
+    /// Decides about the gloss of a side by its largest contribution to a displayed value; `None` where ρs is 0
+    /// everywhere. Returns whether the gloss is kept.
     pub fn gloss(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &LeafFit, s: usize, most: Option<f64>) -> bool {
         let tolerated = manifest.tolerated();
         let why = match most {
@@ -174,7 +174,8 @@ impl Plan {
                  the scene tolerates {tolerated:.1e}"
             ),
             Some(_) => {
-                // How much a lobe mirrors of a sky depends on the angle between normal and view, of a constant sky too.
+                // The share of a sky that a lobe reflects depends on the angle between normal and view, even for a
+                // constant sky.
                 self.leaves[leaf.index].sides[s].normal |= manifest.sky.is_some();
                 return true;
             }
@@ -187,7 +188,7 @@ impl Plan {
         false
     }
 
-    /// Whether a side's translucency maps are to be read; lists why they are not.
+    /// Whether a side's translucency maps must be read. If not, lists the reason.
     pub fn wants_translucency(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize) -> bool {
         let (Some(translucent), Some(fitted)) = (&leaf.translucent, &leaf.fitted) else { return false };
         let side = Side::ALL[s];
@@ -245,7 +246,7 @@ impl Plan {
     }
 
     /// Notes the resolution at which the leaf's maps are uploaded, for the nearest pixel's footprint in texels.
-    /// `textures` says how many of W's textures were read.
+    /// `textures` is the number of W's textures that were read.
     pub fn resolution(&mut self, name: &str, index: usize, footprint: f64, textures: u64) {
         let LeafPlan { sides, size, block } = self.leaves[index];
         let (w, h) = (size[0].div_ceil(block), size[1].div_ceil(block));
@@ -261,7 +262,7 @@ impl Plan {
         }
     }
 
-    /// Lists the files of one side; `maps_there` says that its translucency maps were read.
+    /// Lists the files of one side. `maps_there` tells whether its translucency maps were read.
     pub fn files(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize, maps_there: bool) {
         let side = Side::ALL[s];
         let Some(fitted) = leaf.fitted.as_ref().filter(|f| f.has(side)) else { return };
@@ -303,7 +304,7 @@ impl Plan {
             };
             need(plan, NORMAL, why);
         } else if needs.translucency {
-            // Measured against, where there are maps to measure.
+            // They are needed for the comparison, where there are maps to compare.
             if maps_there {
                 need(plan, NORMAL, "what the translucency maps add is measured against it; it is not uploaded");
             }

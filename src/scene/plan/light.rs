@@ -1,4 +1,4 @@
-//! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
+//! The plan of the light: sun, shadow maps and sky; and the models that this scene does not use.
 
 use super::accuracy::{self, Row};
 use super::between::sun_visibility;
@@ -12,10 +12,10 @@ use mesophyll_placed::facing;
 use mesophyll_transport::tone::display;
 use std::time::Instant;
 
-/// Shadow maps are this many texels a side.
+/// Texels along a side of a shadow map.
 const SHADOW_SIDE: u64 = 2048;
 
-/// Decides sun, shadows and sky; with a free camera and sun, shadows can always fall.
+/// Decides about sun, shadows and sky. Where camera and sun are free, shadows are always possible.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a physical sky that the model refuses.
@@ -57,7 +57,8 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
     Ok(())
 }
 
-/// How many bands light the leaves, and whether their coefficients are integrated once or come from the polynomials.
+/// Decides how many bands light the leaves, and whether their coefficients are integrated once or come from the
+/// polynomials.
 fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     let Some(daylight) = Daylight::of(manifest)? else { return Ok(()) };
     let mut rows = Vec::new();
@@ -73,7 +74,7 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     }
     let row = plan.choose("sky bands", rows, manifest.tolerated());
     let glossy = plan.leaves.iter().any(|l| l.sides.iter().any(|s| s.gloss));
-    // A highlight is sharper than diffuse light.
+    // A highlight is sharper than diffuse light, so gloss needs all bands.
     plan.light.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
     let n = plan.light.sky_bands * plan.light.sky_bands;
     let how = if plan.light.sun_moves { "from the polynomials" } else { "integrated for this sun and turbidity" };
@@ -103,7 +104,7 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
 }
 
 fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, map_bytes: u64) {
-    // Spheres around the leaves tell how far a shadow falls at most, and how wide a leaf is beside its penumbra.
+    // Balls around the leaves bound how far a shadow falls, and how wide a leaf is relative to its penumbra.
     let spheres: Vec<(glam::DVec3, f64)> = placed
         .placements
         .iter()
@@ -138,7 +139,7 @@ fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, m
     plan.need(need);
 }
 
-/// What a plant scene may have and this one has not.
+/// Lists models that scenes of plants may have and this one does not.
 pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
     let polynomial = 14 * 8 * 49 * 3 * 8;

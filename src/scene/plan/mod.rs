@@ -1,10 +1,10 @@
-//! The plan: the closure of what a scene needs, how much of it, and what is left out, why, and what that saved.
+//! The plan: everything that a scene needs, and how much of it; what is left out, the reason, and the saving.
 //!
-//! A plan only decides. It is plain data, which can be printed, written and compared; the maps and curves that it asks
-//! for are read by [`crate::loaded`], which also measures the figures that some of its decisions rest on. Nothing is
-//! fitted, read, uploaded or compiled that the plan does not list. What is needed follows from the scene alone (which
-//! sides the cameras see, what light falls on them) and from the fits' own figures; how much follows from the scene's
-//! tolerance and from rows of error against cost.
+//! A plan only decides. It is plain data, which can be printed, written and compared. The maps and curves that it needs
+//! are read by [`crate::loaded`], which also measures the figures on which some decisions depend. Nothing is fitted,
+//! read, uploaded or compiled that the plan does not list. What is needed follows from the scene alone (which sides the
+//! cameras see, which light falls on them) and from the fits' own figures. How much is needed follows from the scene's
+//! tolerance and from rows of error and cost.
 
 pub mod accuracy;
 pub mod between;
@@ -23,52 +23,52 @@ use mesophyll_placed::ledger::Ledger;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Something the scene needs.
+/// A thing that the scene needs.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Need {
-    /// A file, a fit, a texture or a pass.
+    /// Its name: that of a file, a fit, a texture or a pass.
     pub name: String,
-    /// Why, in words.
+    /// The reason, in words.
     pub reason: String,
-    /// How much of it, where that was a choice.
+    /// The amount, where there was a choice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amount: Option<String>,
-    /// Content hash, where it is a file of a fit; of the input, where it is a fit.
+    /// Content hash of a fit's file, or input hash of a fit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hash: Option<String>,
-    /// From sizes; `None` where it has none.
+    /// Bytes, computed from sizes; `None` where it has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
-    /// Whether it is there; `None` where it is made in every run.
+    /// Whether it exists; `None` where it is made in every run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
 }
 
 impl Need {
-    /// A need of which no more is known than its name and reason.
+    /// A need with its name and its reason only.
     pub fn new(name: impl Into<String>, reason: impl Into<String>) -> Need {
         Need { name: name.into(), reason: reason.into(), amount: None, hash: None, bytes: None, status: None }
     }
 }
 
-/// Something the scene could have had.
+/// A thing that the scene could have and does not need.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct LeftOut {
-    /// A file, a fit, a texture or a pass.
+    /// Its name: that of a file, a fit, a texture or a pass.
     pub name: String,
-    /// Why the scene does without, in words.
+    /// The reason why the scene does not need it, in words.
     pub reason: String,
-    /// In words: bytes from sizes, times where they were measured.
+    /// The saving in words: bytes from sizes, and times where they were measured.
     pub saved: String,
-    /// Bytes from sizes.
+    /// The saved bytes, from sizes.
     pub saved_bytes: u64,
-    /// Time, where it was measured.
+    /// The saved time, where it was measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saved_ms: Option<f64>,
 }
 
 impl LeftOut {
-    /// `bytes` from sizes; `ms` only where it was measured.
+    /// `bytes` come from sizes; `ms` is given only where it was measured.
     pub fn new(name: impl Into<String>, reason: impl Into<String>, bytes: u64, ms: Option<f64>) -> LeftOut {
         let mut saved = format!("{bytes} bytes (from sizes)");
         if let Some(ms) = ms {
@@ -78,7 +78,7 @@ impl LeftOut {
     }
 }
 
-/// What is needed of one side of a leaf.
+/// The needs of one side of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct SideNeeds {
     /// Diffuse reflectance.
@@ -89,94 +89,95 @@ pub struct SideNeeds {
     pub gloss: bool,
     /// The map of normals.
     pub normal: bool,
-    /// Maps of how the sun comes through that enters this side.
+    /// Maps for sunlight that enters this side.
     pub translucency: bool,
     /// Its mean parameters, for a card.
     pub mean: bool,
 }
 
 impl SideNeeds {
-    /// γ, δ and the slab.
+    /// Whether γ, δ and the slab are needed.
     pub fn interior(&self) -> bool {
         self.rho_d || self.rho_t
     }
 
-    /// Whether a texture of it is needed at all.
+    /// Whether any texture of it is needed.
     pub fn any(&self) -> bool {
         self.interior() || self.gloss || self.normal
     }
 }
 
-/// What is decided about one leaf.
+/// The decisions about one leaf.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct LeafPlan {
-    /// Front, back.
+    /// The needs of the front and of the back.
     pub sides: [SideNeeds; 2],
-    /// Columns and rows of the maps on disk; zeros where none was looked at.
+    /// Columns and rows of the maps on disk; zeros where no map was read.
     pub size: [usize; 2],
-    /// Maps are averaged over blocks of this many texels a side.
+    /// Side of the blocks of texels over which maps are averaged.
     pub block: usize,
 }
 
-/// What is decided about the light.
+/// The decisions about the light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct LightPlan {
-    /// Shadow maps over the sun's disk; 0 where no shadow can fall.
+    /// Number of shadow maps over the sun's disk; 0 where no shadow is possible.
     pub shadow_samples: u32,
-    /// Texels a side of a shadow map.
+    /// Texels along a side of a shadow map.
     pub shadow_resolution: u32,
-    /// Samples a pixel of the main pass.
+    /// Samples for each pixel of the main pass.
     pub msaa: u32,
     /// Bands of a physical sky's harmonics.
     pub sky_bands: usize,
-    /// The sky's coefficients come from the polynomial fit.
+    /// Whether the sky's coefficients come from the polynomial fit.
     pub sun_moves: bool,
-    /// Light between leaves.
+    /// The settings of light between leaves, if there is any.
     pub between: Option<Between>,
 }
 
 impl LightPlan {
-    /// Whether anything can stand in the sun's light.
+    /// Whether anything can cast a shadow from the sun.
     pub fn shadows_fall(&self) -> bool {
         self.shadow_samples > 0 || self.between.is_some_and(|b| b.sun_visibility)
     }
 }
 
-/// What the transfer of a scene with light between leaves is made of.
+/// The settings of the transfer of a scene with light between leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Between {
-    /// Bands of the light's harmonics; `None` where the light stands still and is one column.
+    /// Number of bands of the light's harmonics; `None` where the light stands still and is one column.
     pub bands: Option<usize>,
-    /// The sun's shadows on leaves and wood are worked out beforehand too.
+    /// Whether the sun's shadows on leaves and wood are computed beforehand too.
     pub sun_visibility: bool,
 }
 
-/// What a scene needs.
+/// The plan of a scene.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Plan {
     /// The scene's name.
     pub scene: String,
-    /// What it needs, fits first.
+    /// The things that it needs, fits first.
     pub needed: Vec<Need>,
-    /// What it does without.
+    /// The things that it does not need.
     pub left_out: Vec<LeftOut>,
-    /// Rows of error against cost behind each choice of an amount.
+    /// The rows of error and cost behind each choice of an amount.
     pub measured: BTreeMap<String, Vec<Row>>,
-    /// What is strange about the scene, and may be meant: a leaf that no view shows, a mesh in another unit.
+    /// Unusual properties of the scene that may be intended, such as a leaf that no view shows, or a mesh in another
+    /// unit.
     pub warnings: Vec<String>,
     /// Hash of the decisions and of every needed file.
     pub hash: String,
-    /// For a window: camera, sun and sliders may take everything anywhere, so that nothing is left out for being small.
+    /// Whether it is for a window, where camera, sun and sliders are free. Then nothing is left out for being small.
     pub free: bool,
-    /// In the manifest's order.
+    /// The decisions about each leaf, in the manifest's order.
     pub leaves: Vec<LeafPlan>,
-    /// Which lights and shadows are computed.
+    /// The decisions about lights and shadows.
     pub light: LightPlan,
 }
 
 impl Plan {
-    /// What follows from where everything stands: which fits, and what of each side. Leaves are then gone through one
-    /// by one ([`leaf`]), and [`Plan::finish`] ends it.
+    /// The plan that follows from the placements: the fits, and the needs of each side. After this, leaves are planned
+    /// one by one ([`leaf`]), and [`Plan::finish`] completes the plan.
     pub fn new(manifest: &Manifest, placed: &Placed) -> Plan {
         let mut plan = Plan {
             scene: manifest.name.clone(),
@@ -221,17 +222,17 @@ impl Plan {
         Ok(())
     }
 
-    /// Notes a need.
+    /// Adds a need.
     pub fn need(&mut self, need: Need) {
         self.needed.push(need);
     }
 
-    /// Notes something that is left out.
+    /// Adds a thing that is left out.
     pub fn leave_out(&mut self, left: LeftOut) {
         self.left_out.push(left);
     }
 
-    /// Notes the rows behind a choice and returns the cheapest one within `allowed`.
+    /// Notes the rows behind a choice, and returns the cheapest one within `allowed`.
     pub fn choose(&mut self, what: &str, rows: Vec<Row>, allowed: f64) -> Option<Row> {
         let row = accuracy::cheapest(&rows, allowed);
         self.measured.insert(what.into(), rows);

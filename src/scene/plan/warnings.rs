@@ -1,15 +1,15 @@
-//! What is strange about where and how large leaves stand: a mesh in another unit than its scene's, a leaf that no view
-//! shows.
+//! Warnings about unusual places and sizes of leaves: a mesh in another unit than that of its scene, or a leaf that no
+//! view shows.
 
 use crate::Result;
 use glam::DVec3;
 use mesophyll_manifest::{Manifest, View, ViewKind};
 use mesophyll_placed::{Placed, branch, leaf::Leaf, placement::Placement};
 
-/// A mesh this many times larger or smaller than the blade that was scanned is taken for one in another unit.
+/// A mesh that is larger or smaller than the scanned blade by this factor is assumed to be in another unit.
 const STRANGE: f64 = 50.0;
 
-/// A sentence for everything strange, sizes in mm.
+/// A sentence for each unusual property, with sizes in mm.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a fit's blade that cannot be read.
@@ -41,7 +41,7 @@ fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
     )))
 }
 
-/// A leaf that stands somewhere and that no view shows, or none as large as a pixel.
+/// A warning for a placed leaf that no view shows, or that is smaller than a pixel in all views.
 fn unseen(manifest: &Manifest, placed: &Placed, leaf: &Leaf) -> Option<String> {
     let (centre, radius) = leaf.mesh.as_ref()?.bounds();
     let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
@@ -71,7 +71,7 @@ fn unseen(manifest: &Manifest, placed: &Placed, leaf: &Leaf) -> Option<String> {
     ))
 }
 
-/// Pixels across that a sphere covers in a view; 0 where it lies outside.
+/// Number of pixels across a ball in a view; 0 where the ball is outside.
 fn pixels(manifest: &Manifest, view: &View, centre: DVec3, radius: f64) -> f64 {
     let (Some(eye), Some(target), Some(fov)) = (view.eye_mm, view.target_mm, view.fov_deg) else { return 0.0 };
     let (eye, height) = (DVec3::from(eye), f64::from(manifest.check.height));
@@ -81,7 +81,7 @@ fn pixels(manifest: &Manifest, view: &View, centre: DVec3, radius: f64) -> f64 {
     if distance <= radius {
         return f64::from(manifest.check.width);
     }
-    // Within the cone through the picture's corners, widened by the sphere.
+    // The ball is within the cone through the picture's corners, widened by the ball's own angle.
     let corner = (tan * (1.0 + aspect * aspect).sqrt()).atan();
     if towards.angle_between(away) > corner + (radius / distance).asin() {
         0.0
@@ -90,7 +90,7 @@ fn pixels(manifest: &Manifest, view: &View, centre: DVec3, radius: f64) -> f64 {
     }
 }
 
-/// Three significant digits.
+/// The number with three significant digits.
 fn short(mm: f64) -> String {
     let digits = if mm > 0.0 { (2 - mm.log10().floor() as i32).clamp(0, 9) } else { 0 };
     format!("{mm:.0$}", digits as usize)

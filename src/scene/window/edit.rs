@@ -1,5 +1,5 @@
-//! What the window asks of the library: an edit of h, σa, σs or the gloss becomes a new slab (so that a thicker leaf
-//! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
+//! The library's part of the window: an edit of h, σa, σs or the gloss becomes a new slab, so that a thicker leaf
+//! really becomes darker. There are also a reference picture, a verdict, a saved fit, and the numbers of a texel.
 
 use crate::Result;
 use crate::draw::reference;
@@ -31,20 +31,20 @@ use std::path::PathBuf;
 pub struct SceneEditor {
     scene: Scene,
     ledger: Ledger,
-    /// The scene's leaves by the renderer's index.
+    /// The scene's leaves, by the renderer's index.
     shown: Vec<usize>,
     starts: Vec<LeafEdit>,
-    /// The fits as they were before any edit; `scene` holds them as they are edited now.
+    /// The fits before any edit. `scene` holds them with the present edits.
     fits: Vec<Option<LeafFit>>,
-    /// Edited fits go here.
+    /// Folder of edited fits.
     out: PathBuf,
     judged: Option<transport::ReferencePicture>,
-    /// What vertices see of a sun that is moved, where they know it.
+    /// The shares of the sun that vertices see for a sun that is moved, where they are known.
     live: Option<LiveSun>,
 }
 
 impl SceneEditor {
-    /// `scene` must be one for a window ([`mesophyll_placed::leaf::Search::free`]), with every leaf fitted.
+    /// `scene` must be one for a window ([`mesophyll_placed::leaf::Search::free`]), and every leaf must be fitted.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a map that cannot be read.
@@ -71,7 +71,7 @@ impl SceneEditor {
             fits.push(fitted);
         }
         let known = scene.transfer.as_ref().and_then(|t| Some((t.sun.as_ref()?, t.world.clone())));
-        // As `shares` is asked for it: the renderer's suns have directions in single precision.
+        // The direction has the precision of later calls of `shares`: the renderer's suns have single precision.
         let at = daylight::sun_direction(&scene.manifest).map(|at| at.as_vec3().as_dvec3());
         let live = known.zip(at).map(|((sun, world), at)| sun.live(world, at));
         Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None, live })
@@ -81,7 +81,7 @@ impl SceneEditor {
         self.scene.leaf(self.shown[leaf])
     }
 
-    /// What a leaf's side reflects and transmits as it is edited now.
+    /// Reflectance and transmittance of a leaf's side with the present edits.
     fn side(&self, leaf: usize, side: Side) -> Result<viewer::Interior> {
         let of = self.leaf(leaf);
         let s = side as usize;
@@ -96,7 +96,7 @@ impl SceneEditor {
         let texels = of.loaded.textures[s].gamma_delta.as_deref().unwrap_or_default();
         let (low, high) =
             texels.iter().fold((h, h), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
-        // An edit may ask for less blade than a vein is thinner than the mean.
+        // An edit may request a mean thickness that is smaller than the variation of the veins.
         let low = low.max(1e-3 * h);
         let what = format!("{}/{} slab curve", fitted.name, side.name());
         let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
@@ -104,7 +104,7 @@ impl SceneEditor {
         Ok(viewer::Interior::Scalars(leaf_maps::slab_curve(&made)))
     }
 
-    /// What the window's sliders change of a leaf.
+    /// The changes of a leaf by the window's sliders.
     fn edits(&self, leaf: usize, edit: &LeafEdit) -> Sides<Edit> {
         let start = &self.starts[leaf];
         let ratio = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| if b[c] > 0.0 { f64::from(a[c] / b[c]) } else { 1.0 });
@@ -120,7 +120,7 @@ impl SceneEditor {
         })
     }
 
-    /// The reference's world with the edits and the window's lights in it.
+    /// The reference's world with the edits and with the window's lights.
     fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::World> {
         let mut world = reference::world(&self.scene, &self.ledger)?;
         let time = scene.wind.as_ref().map_or_else(|| branch::rest_time(&self.scene.manifest), |w| w.time_s);
@@ -155,7 +155,7 @@ impl SceneEditor {
         if world.ground.is_some_and(|g| g >= world.instances.len()) {
             world.ground = None;
         }
-        // The path tracer follows light through leaves that nobody sees, too.
+        // The path tracer also follows light through leaves that nobody sees.
         let eyes = if scene.transfer.is_some() { None } else { Some([eye]) };
         relight_where(&mut world, &self.scene, eyes.as_ref().map(|e| e.as_slice()), has)?;
         Ok(world)
@@ -172,7 +172,7 @@ fn unedited() -> SideEdit {
     SideEdit { sigma_a: [0.0; 3], sigma_s: [0.0; 3], rho_s_scale: 1.0, m_scale: 1.0 }
 }
 
-/// Means of three channels over the good texels.
+/// The means of three channels over the good texels.
 fn mean(maps: &Maps, quantity: Quantity) -> [f32; 3] {
     let mask = maps.scalar(Quantity::Mask);
     [0, 1, 2].map(|c| {
@@ -255,7 +255,7 @@ impl Editor for SceneEditor {
             let between = scene.transfer.is_some();
             let sampling = Sampling {
                 size: [width as usize, height as usize],
-                // A person waits for it.
+                // A person waits for the result.
                 samples: self.scene.manifest.check.samples.min(if between { 64 } else { 16 }),
                 sun_samples: if scene.shadow_samples > 0 { 4 } else { 1 },
                 seed: self.scene.manifest.check.seed,
@@ -302,7 +302,7 @@ impl Editor for SceneEditor {
         if texel[0] as usize >= maps.width || texel[1] as usize >= maps.height {
             return Vec::new();
         }
-        // Short numbers: the panel is narrow.
+        // Numbers are short, because the panel is narrow.
         let number = |v: f32| if v.is_finite() { format!("{v:.3}") } else { "undetermined".into() };
         let mut rows = Vec::new();
         for (label, quantity, unit) in [

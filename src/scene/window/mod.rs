@@ -1,3 +1,3 @@
-//! What the window asks of the library: edits of a leaf, and edited leaves as new fits.
+//! The library's part of the window: edits of a leaf, and saving edited leaves as new fits.
 
 pub mod edit;
