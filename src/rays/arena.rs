@@ -1,16 +1,16 @@
-//! A tree as it lies in memory: nodes and packets of triangles in one array of cache lines, children near their
+//! The memory layout of a tree: nodes and packets of triangles in one array of cache lines, with children near their
 //! parents.
 //!
-//! A row is eight 32-bit numbers. A node takes eight rows: low and high x of its eight children, the same of y and z,
-//! the children's codes, and a row that is left free so that a node fills four cache lines. A code is the number of the
-//! child's first cache line, or has [`LEAF`] set and means what the tree's leaves are: the first line of a packet, or
-//! the number of an instance.
+//! A row is eight 32-bit numbers. A node takes eight rows: the low and the high x of its eight children, the same for y
+//! and z, the children's codes, and a row that stays free so that a node fills four cache lines. A code is the number
+//! of the child's first cache line. If it has [`LEAF`] set, it belongs to a leaf instead, and the rest is the first
+//! line of a packet or the number of an instance.
 
 use crate::collapse::{Child, wide};
 use crate::frame::{Bounds, Frame};
 use crate::lanes::WIDTH;
 
-/// Eight numbers, as bits.
+/// Eight numbers, as their bits.
 pub(crate) type Row = [u32; WIDTH];
 
 /// A cache line.
@@ -18,27 +18,27 @@ pub(crate) type Row = [u32; WIDTH];
 #[repr(C, align(64))]
 pub(crate) struct Line(pub [Row; 2]);
 
-/// Lines of a node.
+/// Number of lines of a node.
 pub(crate) const NODE: usize = 4;
 
-/// Marks the code of a leaf.
+/// The bit that marks the code of a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
 
 /// A box tree eight children wide.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
-    /// The root lies in front; empty where there is nothing.
+    /// The lines, which begin with the root; empty where there is nothing.
     pub lines: Vec<Line>,
     pub frame: Frame,
-    /// Of everything, in the caller's units.
+    /// The box around everything, in the caller's units.
     pub bounds: Bounds,
-    /// How many children can wait for their turn at once.
+    /// Largest number of children that can wait at the same time.
     pub waiting: usize,
 }
 
 impl Tree {
-    /// A tree over boxes of which at most `most` share a leaf. `leaf` gets the numbers of a leaf's boxes, may add
-    /// lines, and gives the leaf's code without [`LEAF`].
+    /// A tree over boxes, with at most `most` of them in a leaf. `leaf` gets the numbers of a leaf's boxes, may append
+    /// lines, and returns the leaf's code without [`LEAF`].
     pub fn build(boxes: &[Bounds], most: u32, mut leaf: impl FnMut(&Frame, &[u32], &mut Vec<Line>) -> u32) -> Tree {
         let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         let frame = Frame::of(&bounds);
@@ -46,7 +46,7 @@ impl Tree {
         let nodes = wide(&rounded, most);
         let mut lines = Vec::new();
         let mut deepest = 0;
-        // number of the node, its first line, its depth
+        // Number of the node, its first line, and its depth.
         let mut open = Vec::new();
         if !nodes.is_empty() {
             lines.resize(NODE, EMPTY);
@@ -69,7 +69,7 @@ impl Tree {
                 }
             }
             assert!(lines.len() < LEAF as usize, "a tree of {} cache lines is larger than codes can say", lines.len());
-            // Slots that are free hold nothing: low +∞, high −∞.
+            // Free slots have an empty box: low +∞, high −∞.
             for axis in 0..3 {
                 let pick = |side: usize, none: f32| {
                     std::array::from_fn(|k| children.get(k).map_or(none, |(corners, _)| corners[side][axis]).to_bits())
@@ -85,13 +85,14 @@ impl Tree {
     /// The node that begins at a line.
     ///
     /// `at` is 0 in a tree with a box, or comes from a node. `build` makes room for a whole node before it stores the
-    /// line at which it begins, and lines are never taken away: there is always a node behind it.
+    /// node's first line, and lines are never removed. So there is always a whole node from this line on.
     #[inline(always)]
     pub fn node(&self, at: u32) -> &[Line; NODE] {
         self.lines[at as usize..].first_chunk().expect("a node's code names a node")
     }
 
-    /// The boxes of the root's children, in the caller's units: tighter together than the one around everything.
+    /// The boxes of the root's children, in the caller's units. Together they are tighter than the one box around
+    /// everything.
     pub fn parts(&self) -> Vec<Bounds> {
         if self.lines.is_empty() {
             return Vec::new();

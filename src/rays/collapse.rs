@@ -1,8 +1,9 @@
-//! Which boxes go together: a binary tree from the crate `obvhs`, made eight children wide.
+//! Decides which boxes belong together: a binary tree from the crate `obvhs` becomes a tree with eight children for
+//! each node.
 //!
-//! The binary tree has one thing a leaf. Which of its nodes stay is chosen so that the expected cost of a ray is least
-//! (the surface area heuristic; the dynamic programme of Ylitie, Karras & Laine 2017, §3.1): a node costs as much as a
-//! packet of up to eight things, each weighted with the surface of its box.
+//! The binary tree has one thing in each leaf. The nodes that stay are chosen so that the expected cost of a ray is
+//! least (the surface area heuristic; the dynamic programme of Ylitie, Karras & Laine 2017, §3.1). A node costs as much
+//! as a packet of up to eight things, and each is weighted with the surface of its box.
 
 use crate::lanes::WIDTH;
 use obvhs::aabb::Aabb;
@@ -14,7 +15,7 @@ use std::collections::HashMap;
 /// Low and high corner.
 pub(crate) type Corners = [[f32; 3]; 2];
 
-/// What a node has below it.
+/// What is below a node.
 #[derive(Debug, Clone)]
 pub(crate) enum Child {
     /// A node, by its number.
@@ -29,20 +30,20 @@ pub(crate) struct WideNode {
     pub children: Vec<(Corners, Child)>,
 }
 
-/// Share of the nodes that are taken out and put back where they cost less. More of it makes trees a few per cent
-/// faster, and slower to build.
+/// Share of the nodes that are removed and inserted again where they cost less. A larger share makes trees a few per
+/// cent faster to walk, and slower to build.
 const REINSERTED: f32 = 0.3;
 
 /// How much larger boxes may become, in a frame from −1 to 1.
 const LIKE: f32 = 1e-6;
 
-/// The nodes of a tree over boxes, its root first, parents before their children; at most `most` things a leaf. No box,
-/// no node; boxes may come out a millionth larger.
+/// The nodes of a tree over boxes, with at most `most` things in a leaf. The root comes first, and parents before their
+/// children. Without boxes there are no nodes. Boxes may become larger by a millionth.
 pub(crate) fn wide(boxes: &[Corners], most: u32) -> Vec<WideNode> {
     if boxes.is_empty() {
         return Vec::new();
     }
-    // The builder takes a time of the square of their number over equal boxes; each counts once.
+    // Over equal boxes, the builder's time grows with the square of their number. So equal boxes count once.
     let mut groups: Vec<Vec<u32>> = Vec::new();
     let mut known = HashMap::new();
     for (k, corners) in boxes.iter().enumerate() {
@@ -52,7 +53,8 @@ pub(crate) fn wide(boxes: &[Corners], most: u32) -> Vec<WideNode> {
         });
         groups[group].push(k as u32);
     }
-    // So it does over rows of boxes as like as beads; a millionth of the tree's size, more or less, tells them apart.
+    // The time also grows in this way over rows of equal boxes. Enlarging each by up to a millionth of the tree's size
+    // makes them different.
     let larger = |group: &Vec<u32>| {
         let [low, high] = boxes[group[0] as usize];
         let share = (group[0].wrapping_mul(0x9E37_79B9) >> 8) as f32 / (1 << 24) as f32;
@@ -68,23 +70,24 @@ pub(crate) fn wide(boxes: &[Corners], most: u32) -> Vec<WideNode> {
         0,
     );
     let areas: f32 = binary.nodes.iter().map(|node| node.aabb().half_area()).sum();
-    // Where nearly everything overlaps, every place is as good, and the search for better ones tries them all.
+    // Where almost everything overlaps, all places are equally good, and the search for better ones would try them all.
     if areas <= 2000.0 * binary.nodes[0].aabb().half_area() {
         ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
     }
     Plan::new(&binary, &groups, most).nodes()
 }
 
-/// What to make of every node of the binary tree.
+/// The decision for every node of the binary tree.
 struct Plan<'a> {
     binary: &'a Bvh2,
-    /// Things with the same box, a leaf of the binary tree each.
+    /// Things with the same box. Each group is a leaf of the binary tree.
     groups: &'a [Vec<u32>],
-    /// Things a leaf.
+    /// The largest number of things in a leaf.
     most: usize,
-    /// A node stays as a leaf.
+    /// Whether a node becomes a leaf.
     leaf: Vec<bool>,
-    /// Of at most j subtrees, how many the first child gives; 0: j−1 subtrees are as good. Entries 2 to 8 count.
+    /// For at most j subtrees, how many of them the first child gives. 0 means that j−1 subtrees are as good. Entries 2
+    /// to 8 are used.
     first: Vec<[u8; WIDTH + 1]>,
 }
 
@@ -94,7 +97,7 @@ impl Plan<'_> {
         let most = most as usize;
         let (leaf, first) = (vec![false; count], vec![[0; WIDTH + 1]; count]);
         let mut plan = Plan { binary, groups, most, leaf, first };
-        // cost[n][j−1]: the least cost of node n as at most j subtrees
+        // `cost[n][j−1]` is the least cost of node n as at most j subtrees.
         let mut cost = vec![[0.0f32; WIDTH - 1]; count];
         let mut things = vec![0; count];
         let mut order = Vec::with_capacity(count);
@@ -164,7 +167,7 @@ impl Plan<'_> {
         nodes
     }
 
-    /// A leaf, or nodes above several where so many things have the same box.
+    /// A leaf, or nodes above several leaves where too many things have the same box.
     fn things(&self, corners: Corners, things: &[u32], nodes: &mut Vec<WideNode>) -> Child {
         if things.len() <= self.most {
             return Child::Things(things.to_vec());
@@ -178,7 +181,7 @@ impl Plan<'_> {
         Child::Node(at)
     }
 
-    /// The at most `j` ≥ 2 subtrees under node `n` that are to be children of one node.
+    /// The at most `j` ≥ 2 subtrees of node `n` that become children of one node.
     fn split(&self, n: usize, j: usize, out: &mut Vec<usize>) {
         let k = usize::from(self.first[n][j]);
         let first = self.binary.nodes[n].first_index as usize;
@@ -218,7 +221,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Every thing once, every box around what lies below it, no more children and things than allowed.
+    /// Every thing occurs once, every box contains everything below it, and there are no more children and things than
+    /// allowed.
     fn check(boxes: &[Corners], most: u32) {
         let nodes = wide(boxes, most);
         let mut seen = vec![0; boxes.len()];

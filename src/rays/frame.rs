@@ -1,5 +1,5 @@
-//! The frame in which a tree works: its box spans −1 to 1, so that f32 is as fine as it can be whatever the units are
-//! and wherever the origin lies.
+//! The frame in which a tree works. Its box spans −1 to 1 there, so that f32 has its full precision for any units and
+//! any distance from the origin.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// Holds nothing.
+    /// The empty box.
     pub const EMPTY: Bounds = Bounds { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
 
     pub fn is_empty(&self) -> bool {
@@ -26,7 +26,7 @@ impl Bounds {
         Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Larger by what f64 may have lost in computing the corners.
+    /// The box, enlarged by the possible rounding error of its corners in f64.
     pub fn padded(self) -> Bounds {
         if self.is_empty() {
             return self;
@@ -48,7 +48,7 @@ impl Bounds {
     }
 }
 
-/// local = (x − centre)·scale; the scale is a power of two, so that it rounds nothing.
+/// The map local = (x − centre)·scale. The scale is a power of two, so it causes no rounding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Frame {
     pub centre: DVec3,
@@ -56,13 +56,13 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// The frame where `bounds` spans at least −½ to ½ and at most −1 to 1 along its longest side.
+    /// The frame in which `bounds` spans at least −½ to ½ and at most −1 to 1 along its longest side.
     pub fn of(bounds: &Bounds) -> Frame {
         if bounds.is_empty() {
             return Frame { centre: DVec3::ZERO, scale: 1.0 };
         }
         let centre = bounds.low * 0.5 + bounds.high * 0.5;
-        // Everything in one point has no size; its distance from the origin stands in.
+        // A box of a single point has no size, so its distance from the origin is used.
         let half = (bounds.high * 0.5 - bounds.low * 0.5).max_element().max(1e-15 * centre.abs().max_element());
         Frame { centre, scale: if half > 1e-290 { 2f64.powi(-(half.log2().floor() as i32) - 1) } else { 1.0 } }
     }
@@ -96,7 +96,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Rounding goes outwards and no further than to the neighbour.
+        /// Rounding is outwards, and at most to the neighbouring number.
         #[test]
         fn rounding_encloses(x in -1.0f64..1.0, exponent in -40i32..40) {
             let x = x * 2f64.powi(exponent);
@@ -104,7 +104,7 @@ mod tests {
             prop_assert!(f64::from(below(x).next_up()) >= x && f64::from(above(x).next_down()) <= x);
         }
 
-        /// The box spans −1 to 1 in its frame, whatever its size and place.
+        /// The box spans −1 to 1 in its frame, for any size and place.
         #[test]
         fn frames_fit(size in -3i32..10, x in -1.0f64..1.0, a in 0.01f64..1.0, b in 0.0f64..1.0) {
             let size = 10f64.powi(size);

@@ -5,9 +5,9 @@ use glam::{DAffine3, DVec3};
 /// A half-line o + t·d with t > 0; d need not be of unit length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Where it begins.
+    /// The beginning of the half-line.
     pub origin: DVec3,
-    /// Where it goes; t counts in its lengths.
+    /// Its direction. t counts in lengths of this vector.
     pub direction: DVec3,
 }
 
@@ -17,7 +17,7 @@ impl Ray {
         Ray { origin, direction }
     }
 
-    /// The same half-line seen through an affine map; t keeps its meaning.
+    /// The same half-line after an affine map. t keeps its meaning.
     #[inline(always)]
     pub(crate) fn through(&self, to_local: &DAffine3) -> Ray {
         Ray::new(to_local.transform_point3(self.origin), to_local.transform_vector3(self.direction))

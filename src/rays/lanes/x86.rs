@@ -1,6 +1,7 @@
 //! AVX2 with FMA on x86-64.
 
-// Sound because only functions compiled for the instruction set, entered after asking the processor, call these.
+// This is sound because these are called only by functions that are compiled for the instruction set and entered after
+// the processor was asked for it.
 #![allow(clippy::undocumented_unsafe_blocks)]
 use super::{Lanes, WIDTH};
 use std::arch::x86_64::*;

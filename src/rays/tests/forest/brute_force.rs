@@ -1,4 +1,4 @@
-//! What trees find is what is found without them.
+//! Searches by trees give the same results as searches without trees.
 
 use crate::common::{EVERY, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup, variants};
 use glam::{DMat4, DVec3};
@@ -10,7 +10,7 @@ fn thirds(positions: &[DVec3]) -> Vec<[DVec3; 3]> {
     positions.chunks(3).map(|t| [t[0], t[1], t[2]]).collect()
 }
 
-/// Instances of meshes against the solution of a 3×3 system for every triangle in the world.
+/// Instances of meshes are compared with the solution of a 3×3 system for every triangle in the world.
 #[test]
 fn instances_are_met_where_brute_force_meets_them() {
     let mut rng = seeded(3);
@@ -44,8 +44,8 @@ fn instances_are_met_where_brute_force_meets_them() {
     assert!(hits > 300, "only {hits} of 1500 rays hit anything: the test sees too little");
 }
 
-/// One mesh against the f64 test on every triangle: the same numbers, bit by bit, whatever the size of the scene, of
-/// its triangles and its distance from the origin and from the ray.
+/// One mesh is compared with the f64 test on every triangle. The numbers agree bit by bit for any size of the scene and
+/// its triangles, and any distance from the origin and from the ray.
 #[test]
 fn results_are_those_of_the_double_precision_test_at_any_scale() {
     let mut rng = seeded(5);
@@ -79,9 +79,9 @@ fn results_are_those_of_the_double_precision_test_at_any_scale() {
     assert!(hits * 3 > rays, "{hits} of {rays}");
 }
 
-/// A limit just before a hit leaves it out and one just behind it does not, whatever f32 makes of the limit: with all
-/// triangles solid, so that f32 alone may end the search, near and far, and for triangles of all sizes. A relative 1e-9
-/// is sixty times finer than f32, and far coarser than f64.
+/// A limit just before a hit excludes it, and one just behind it does not, whatever the limit is in f32. All triangles
+/// are solid, so that f32 alone may end the search. They are near and far, and of all sizes. A relative 1e-9 is sixty
+/// times finer than f32, and much coarser than f64.
 #[test]
 fn a_limit_beside_a_hit_is_kept_to() {
     let mut rng = seeded(11);
@@ -106,7 +106,7 @@ fn a_limit_beside_a_hit_is_kept_to() {
     assert!(hits > 1500, "{hits}");
 }
 
-/// Where a caller accepts nothing, solid triangles are met all the same, and no others.
+/// Where a caller accepts nothing, solid triangles are still hit, and no others.
 #[test]
 fn solid_triangles_are_not_asked_for() {
     let mut rng = seeded(9);
@@ -130,7 +130,7 @@ fn solid_triangles_are_not_asked_for() {
     assert!(hits > 300, "{hits}");
 }
 
-/// Rays that graze: in the plane of a triangle or nearly, along its edges, and along the axes.
+/// Grazing rays: in the plane of a triangle or almost, along its edges, and along the axes.
 #[test]
 fn grazing_and_axis_parallel_rays() {
     let mut rng = seeded(6);
@@ -138,7 +138,7 @@ fn grazing_and_axis_parallel_rays() {
     for round in 0..300 {
         let mut mesh = soup(&mut rng, 40, 1.0, 0.5);
         if round % 3 == 0 {
-            // Axis-aligned triangles, whose boxes have no thickness.
+            // Triangles along the axes, whose boxes have no thickness.
             for t in mesh.chunks_mut(3) {
                 let axis = rng.random_range(0..3);
                 (t[1][axis], t[2][axis]) = (t[0][axis], t[0][axis]);
@@ -174,8 +174,8 @@ fn grazing_and_axis_parallel_rays() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Any few triangles, degenerate ones too, and any ray: coordinates from a coarse grid make shared corners, flat
-    /// boxes, zero areas and rays through edges frequent.
+    /// A few arbitrary triangles, also degenerate ones, and any ray. Coordinates on a coarse grid make shared corners,
+    /// flat boxes, zero areas and rays through edges frequent.
     #[test]
     fn coarse_grids(
         corners in prop::collection::vec(prop::array::uniform3(-3i32..=3), 3..90),
@@ -196,7 +196,7 @@ proptest! {
     }
 }
 
-/// The tree above instances changes nothing: the same mesh alone, and beside an empty shape and a distant copy.
+/// The tree above instances changes no result: the same mesh alone, and beside an empty shape and a distant copy.
 #[test]
 fn one_instance_and_several_agree() {
     let mut rng = seeded(8);

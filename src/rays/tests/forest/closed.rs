@@ -1,12 +1,12 @@
-//! Nothing leaks: shared edges and corners, wide scenes with narrow gaps; and scenes that are empty, piled up, or
-//! refuse hits.
+//! No ray leaks through shared edges and corners, or in wide scenes with narrow gaps. Other scenes are empty, have
+//! piles of triangles, or refuse hits.
 
 use crate::common::{Accept, EVERY, alone, levels, numbered, point, seeded};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;
 
-/// A closed ball of triangles.
+/// A closed ball made of triangles.
 fn ball(n: u32, radius: f64, centre: DVec3) -> (Vec<DVec3>, Vec<u32>) {
     let at = |i: u32, j: u32| {
         let (u, v) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(2 * n));
@@ -38,7 +38,7 @@ fn ball(n: u32, radius: f64, centre: DVec3) -> (Vec<DVec3>, Vec<u32>) {
     (positions, indices)
 }
 
-/// Out of a closed ball no ray escapes, least of all through its corners and edges.
+/// No ray escapes from a closed ball, not even through its corners and edges.
 #[test]
 fn closed_surfaces_are_closed() {
     let mut rng = seeded(11);
@@ -58,7 +58,8 @@ fn closed_surfaces_are_closed() {
     }
 }
 
-/// A flat grid, turned, with rays through every corner and the middle of every edge, straight, slanted and from below.
+/// A flat grid that is turned, with rays through every corner and the middle of every edge: straight, slanted and from
+/// below.
 #[test]
 fn rays_through_shared_edges_and_corners_do_not_leak() {
     let n = 8u32;
@@ -84,8 +85,8 @@ fn rays_through_shared_edges_and_corners_do_not_leak() {
     }
 }
 
-/// Two plates of 40 m, 10 mm apart, of triangles from 4 m to 40 mm, as one mesh and as instances. What starts between
-/// them meets the right one; what comes from far away never sees the second before the first.
+/// Two plates of 40 m that are 10 mm apart, with triangles from 4 m to 40 mm, as one mesh and as instances. A ray that
+/// starts between them hits the right one. A ray from far away never hits the second plate before the first.
 #[test]
 fn forty_metres_with_gaps_of_ten_millimetres() {
     let mut rng = seeded(13);
@@ -114,7 +115,7 @@ fn forty_metres_with_gaps_of_ten_millimetres() {
         for (forest, single) in [(one, true), (two, false)] {
             for k in 0..4000 {
                 let inside = |rng: &mut rand_pcg::Pcg64, z: f64| {
-                    // Corners and edges of the tiles are aimed at, too.
+                    // Some rays also aim at corners and edges of the tiles.
                     let mut along = || 100.0 + 39_800.0 * rng.random::<f64>();
                     let (x, y) = (along(), along());
                     let snap = |x: f64, on: bool| {
@@ -158,14 +159,14 @@ fn empty_scenes_empty_leaves_and_refused_hits() {
         assert_eq!(forest.nearest(&ray, but_first).map(|h| h.triangle), Some(1));
         assert!(!forest.blocked(&ray, none));
         assert!(forest.blocked(&ray, third));
-        // rays that go nowhere, or start on a sheet
+        // Rays without a direction, and rays that start on a sheet.
         assert!(forest.nearest(&Ray::new(DVec3::Z, DVec3::ZERO), EVERY).is_none());
         assert!(forest.nearest(&Ray::new(DVec3::Z, DVec3::NAN), EVERY).is_none());
         assert_eq!(forest.nearest(&Ray::new(DVec3::ZERO, -DVec3::Z), EVERY).map(|h| h.triangle), Some(1));
     }
 }
 
-/// Hundreds of triangles in one place, whose tree is as deep as it likes; the first of them counts.
+/// Hundreds of triangles at one place, whose tree may have any depth. The first of them counts.
 #[test]
 fn piles_of_coincident_triangles() {
     let ray = Ray::new(DVec3::Z, -DVec3::Z);
@@ -183,7 +184,7 @@ fn piles_of_coincident_triangles() {
     assert_eq!(stacked.nearest(&ray, late).map(|h| (h.t, h.instance)), Some((1.0, 7)));
 }
 
-/// Triangles without an area, without a size or without a place disturb nothing.
+/// Triangles without area, without size or without a place change nothing.
 #[test]
 fn degenerate_triangles_are_passed_by() {
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
@@ -203,7 +204,7 @@ fn degenerate_triangles_are_passed_by() {
     assert!(point.nearest(&Ray::new(DVec3::ZERO, DVec3::ONE), EVERY).is_none());
 }
 
-/// Both sides of a triangle are met, with the same barycentric coordinates.
+/// Both sides of a triangle can be hit, with the same barycentric coordinates.
 #[test]
 fn back_faces_are_met() {
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];

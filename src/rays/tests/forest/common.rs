@@ -1,11 +1,12 @@
-//! What the tests share: random scenes, and the search that knows no box.
+//! Helpers of the tests: random scenes, and searches that use no boxes.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Hit, Level, Ray, Shape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Which hits count. A pointer, and not a closure: the searches are generic, and every closure compiles them anew.
+/// Decides which hits count. It is a function pointer and not a closure, because the searches are generic and would be
+/// compiled again for every closure.
 pub type Accept = fn(usize, usize, [f64; 2]) -> bool;
 
 pub const EVERY: Accept = |_, _, _| true;
@@ -14,18 +15,18 @@ pub fn seeded(seed: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed)
 }
 
-/// A point of the cube from −reach to reach.
+/// A random point of the cube from −reach to reach.
 pub fn point(rng: &mut Pcg64, reach: f64) -> DVec3 {
     DVec3::new(rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5) * 2.0 * reach
 }
 
-/// A rotation with a scale and a translation.
+/// A random rotation with a scale and a translation.
 pub fn placement(rng: &mut Pcg64, reach: f64) -> DMat4 {
     let turn = DQuat::from_axis_angle(point(rng, 1.0).normalize(), 6.0 * rng.random::<f64>());
     DMat4::from_scale_rotation_translation(DVec3::splat(0.5 + rng.random::<f64>()), turn, point(rng, reach))
 }
 
-/// Separate triangles around the origin: positions, three a triangle.
+/// Separate triangles around the origin, as three positions for each.
 pub fn soup(rng: &mut Pcg64, count: usize, reach: f64, size: f64) -> Vec<DVec3> {
     (0..count)
         .flat_map(|_| {
@@ -39,27 +40,27 @@ pub fn numbered(positions: &[DVec3]) -> Vec<u32> {
     (0..positions.len() as u32).collect()
 }
 
-/// One mesh of separate triangles, where it lies.
+/// One mesh of separate triangles, without a transform.
 pub fn alone(positions: &[DVec3]) -> Forest {
     Forest::new(vec![Shape::new(positions, &numbered(positions))], &[(0, DMat4::IDENTITY)])
 }
 
-/// The forest at every level that the processor has.
+/// The forest at every level that the processor supports.
 pub fn levels(forest: &Forest) -> Vec<Forest> {
     let mut levels = vec![Level::Plain, Level::detect()];
     levels.dedup();
     levels.into_iter().map(|level| forest.clone().at_level(level)).collect()
 }
 
-/// One mesh of separate triangles where it lies, at every level that the processor has, with no triangle solid, with
-/// every other one, and with all.
+/// One mesh of separate triangles without a transform, at every level that the processor supports. No triangle is
+/// solid, then every second one, then all.
 pub fn variants(positions: &[DVec3]) -> Vec<Forest> {
     let solid: [fn(usize) -> bool; 3] = [|_| false, |k| k % 2 == 0, |_| true];
     let shape = |which: fn(usize) -> bool| Shape::with_solid(positions, &numbered(positions), which);
     solid.into_iter().flat_map(|which| levels(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)]))).collect()
 }
 
-/// The first triangle that solving a 3×3 system for each of them gives, and its t.
+/// The first triangle by solving a 3×3 system for each of them, and its t.
 pub fn by_solving(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
     for (k, [a, b, c]) in triangles.iter().enumerate() {
@@ -78,7 +79,7 @@ pub fn by_solving(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<(usize, f64)> {
     best
 }
 
-/// The f64 test of Woop, Benthin & Wald on one triangle after another, written without regard to speed.
+/// The f64 test of Woop, Benthin & Wald on one triangle after another, written without regard for speed.
 pub fn one_by_one(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<Hit> {
     let d = ray.direction.to_array();
     let [x, y, z] = d.map(f64::abs);

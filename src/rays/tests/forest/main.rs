@@ -1,4 +1,4 @@
-//! Trees of triangles against searches that know no tree.
+//! Trees of triangles are compared with searches that use no tree.
 
 mod brute_force;
 mod closed;
