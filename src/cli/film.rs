@@ -120,13 +120,16 @@ fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Re
     use mesophyll_files::atomic;
     // The video is first made beside the frames, so that a stopped run leaves no strange file where the video goes. The
     // names are plain, because ffmpeg gives % and : in a path a meaning of its own.
-    let whole = folder.join("video.mp4");
+    const HALF: &str = ".video.partial.mp4";
+    let whole = folder.join(HALF);
     let (rate, frames) = (film.fps.to_string(), film.frames.to_string());
     let filter = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
     let read = ["-y", "-loglevel", "error", "-framerate", &rate, "-i", "frame-%05d.png", "-frames:v", &frames];
-    let write = ["-vf", filter, "-c:v", "libx264", "-crf", "14", "-pix_fmt", "yuv420p", "video.mp4"];
+    let write = ["-vf", filter, "-c:v", "libx264", "-crf", "14", "-pix_fmt", "yuv420p", HALF];
     let done = ffmpeg(folder, &[&read[..], &write[..]].concat())?;
     if !done.status.success() {
+        // On a full disk it leaves a part.
+        let _ = std::fs::remove_file(&whole);
         let said = String::from_utf8_lossy(&done.stderr);
         let last = said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no reason given");
         return Err(Error::Missed(format!("ffmpeg could not make the video: {}; the frames are kept", last.trim())));
