@@ -27,7 +27,7 @@ use serde::Serialize;
 
 /// Pictures need not be more accurate than this share of a value.
 const PICTURE: f64 = 0.005;
-/// How far a picture may be off where the view does not state it.
+/// The error of a picture that is allowed where the view does not state one.
 const ALLOWED: f64 = 0.5;
 
 /// One frame, drawn twice and compared.
@@ -47,7 +47,7 @@ pub struct CaptureReport {
     pub readings: usize,
     /// Mean square that a right fit leaves, in the units of the rule.
     pub expected: f64,
-    /// How far pictures may be off.
+    /// The error of pictures that is allowed.
     pub allowed: f64,
     /// The real-time renderer's picture.
     pub renderer: Drawn,
@@ -56,9 +56,9 @@ pub struct CaptureReport {
     /// The renderer's picture with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not
     /// have. It is printed, not judged.
     pub bounded: Drawn,
-    /// How far the tube model's prediction and the light box are off, each in units of its own noise.
+    /// Errors of the tube model's prediction and of the light box, each in units of its own noise.
     pub model_off: f64,
-    /// How far the light box is off; `None` where the scan has none.
+    /// Error of the light box; `None` where the scan has none.
     pub light_box_off: Option<f64>,
     /// File of the measured frame.
     pub measured_image: Option<String>,
@@ -70,7 +70,7 @@ pub struct CaptureReport {
     pub residual_image: Option<String>,
     /// Whether both pictures are as close to the measurement as the view asks.
     pub passed: bool,
-    /// What was missed, a sentence each.
+    /// The limits that were missed, in one sentence each.
     pub why: Vec<String>,
 }
 

@@ -7,9 +7,9 @@
 //! | `transfer` | the light between leaves alone, without the sun's own |
 //! | `transfer, visibility` | both; what every vertex sees of the sun was worked out beforehand |
 //! | `transfer, shadow maps` | both; shadows are drawn in the picture's own time |
-//! | `alone, shadow maps` | every leaf lit as if it stood alone, but for the sun's shadows |
+//! | `alone, shadow maps` | every leaf is lit as if it stood alone, except for the sun's shadows |
 //! | `wavelets` | the light cut to 1,000 Haar wavelets of a 32² · 6 cube map (Ng et al. 2003), otherwise true |
-//! | `path tracer` | the reference with another seed: what its own noise amounts to |
+//! | `path tracer` | the reference with another seed, whose error is that of its noise |
 //!
 //! Without a sun, only `transfer` and `alone` of the first five are left. Wavelets are drawn by the path tracer,
 //! because the method could draw at best a picture under the cut light. Their bytes are computed: one coefficient in

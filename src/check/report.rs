@@ -19,7 +19,7 @@ pub struct Report {
     pub views: Vec<ViewReport>,
     /// Leaves as their scans saw them, compared with held-out frames.
     pub captures: Vec<CaptureReport>,
-    /// Capture views that could not be drawn, a sentence each; they are not judged.
+    /// Capture views that could not be drawn, in one sentence each; they are not judged.
     pub skipped: Vec<String>,
     /// What else went wrong, one sentence each: files that are not as they were fitted.
     pub failures: Vec<String>,
@@ -106,7 +106,7 @@ pub struct ViewReport {
     pub difference_top: Option<f64>,
     /// Whether there is no reason in `why` against it.
     pub passed: bool,
-    /// What was missed, a sentence each.
+    /// The limits that were missed, in one sentence each.
     pub why: Vec<String>,
 }
 

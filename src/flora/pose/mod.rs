@@ -23,9 +23,9 @@ use std::sync::LazyLock;
 static NODES: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(12));
 const STEPS: usize = 5;
 
-/// The largest deflection of a tip over the branch's length, as a beam has it that does not keep its length. Beyond it
-/// the beam model says nothing, and no wind exceeds it. Deflections are unchanged up to [`FREELY`], and approach this
-/// limit above.
+/// The largest deflection of a tip over the branch's length, computed for a beam whose length is not preserved. Beyond
+/// it the beam model is not valid, and no wind exceeds it. Deflections up to [`FREELY`] stay unchanged, and larger ones
+/// approach this limit.
 pub const FURTHEST: f64 = 1.0;
 /// Up to this ratio a deflection is unchanged.
 pub const FREELY: f64 = 0.75;
