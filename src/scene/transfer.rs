@@ -4,15 +4,16 @@
 
 use crate::draw::reference;
 use crate::loaded::Scene;
-use crate::plan::between::unseen;
+use crate::plan::between::views_decide;
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
-use mesophyll_manifest::Manifest;
+use mesophyll_manifest::{Manifest, ViewKind};
 use mesophyll_placed::branch;
 use mesophyll_placed::daylight::sun_directions;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::maker::Outcome;
+use mesophyll_transport::World;
 use mesophyll_transport::transfer::Columns;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -43,7 +44,8 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     };
     let name = scene.manifest.name.clone();
     let leaves = scene.drawn().count();
-    let of = fit::Scene { name, leaves, world: Arc::new(world), seen: shown(scene), sun: None };
+    let seen = shown(scene, &world)?;
+    let of = fit::Scene { name, leaves, world: Arc::new(world), seen, sun: None };
     let wanted = scene.manifest.transfer.as_ref().zip(scene.manifest.sun.as_ref());
     match wanted.filter(|_| scene.plan.light.between.is_some_and(|b| b.sun_visibility)) {
         Some((asked, sun)) => {
@@ -53,14 +55,20 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     }
 }
 
-/// For each instance, whether a view shows it according to the plan. Wood and ground, which come after the leaves,
-/// count as shown.
-fn shown(scene: &Scene) -> Vec<bool> {
+/// For each instance, whether a view shows it. An instance is not shown if it lies outside of every picture, or if other
+/// things hide it in all of them. Wood and ground, which come after the leaves, count as shown.
+fn shown(scene: &Scene, world: &World) -> Result<Vec<bool>> {
     let Scene { manifest, placed, .. } = scene;
-    let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
-    let shown: Vec<bool> = drawn.map(|p| !unseen(manifest, placed, p)).collect();
+    if !views_decide(manifest, placed) {
+        return Ok(Vec::new());
+    }
+    let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+    let cameras: Vec<_> = perspective.map(reference::camera).collect();
+    let size = [manifest.check.width, manifest.check.height].map(|v| v as usize);
+    let mut shown = mesophyll_transport::shown(world, &cameras, size)?;
+    shown.truncate(placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some()).count());
     // If all are shown, the list stays empty. Then the same transfer serves other views.
-    if shown.iter().all(|s| *s) { Vec::new() } else { shown }
+    Ok(if shown.iter().all(|s| *s) { Vec::new() } else { shown })
 }
 
 /// Makes the scene's transfer in the folder `out`.

@@ -26,6 +26,7 @@ pub mod render;
 pub mod scan;
 mod seeds;
 mod shade;
+mod shown;
 mod sphere_density;
 mod stage;
 pub mod tone;
@@ -37,6 +38,7 @@ pub use mesophyll_rays as accelerate;
 
 pub use dome::{Dome, RadianceAt};
 pub use render::{Options, ReferencePicture, Renderer, render};
+pub use shown::shown;
 pub use world::{
     Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide,
     ReferenceSun, Scanner, SlabAt, Sunlit, Through, World,

@@ -179,6 +179,50 @@ fn leaves_beside_the_picture_get_no_anchors() {
     assert!(!all.left_out.iter().any(|l| l.name == "light at leaves beside the pictures"));
 }
 
+/// A leaf that others hide from every view gets no anchors either. The others keep the light that they have where it
+/// gets some.
+#[test]
+fn leaves_that_others_hide_get_no_anchors() {
+    let dir = tempfile::tempdir().unwrap();
+    // The eye stands at (20, −120, 40). The second blade hides behind the first, which faces the eye and is larger.
+    let blade = |at: [f64; 3], scale: f64| {
+        format!("[[instance]]\nleaf = \"elm\"\nposition_mm = {at:?}\nrotation_deg = [72, 0, 10]\nscale = {scale}\n")
+    };
+    let light = "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\npaths = 64\n";
+    let of = |views: &str| {
+        let rest = format!("{}{}{light}{views}", blade([0.0; 3], 1.0), blade([-2.5, 15.0, -5.0], 0.2));
+        let scene = crowd(dir.path(), [0.3, 0.3], 0, &rest);
+        let out = dir.path().join(format!("out{}", views.len()));
+        let output = mesophyll(&["fit", "transfer", scene.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (String::from_utf8_lossy(&output.stdout).into_owned(), std::fs::read(out.join("operators.exr")).unwrap())
+    };
+    let (told, hidden) = of("");
+    assert!(told.contains("15 anchors, 90 rows of 1 columns"), "{told}");
+    let behind = "[[view]]\nname = \"behind\"\nkind = \"perspective\"\neye_mm = [-20, 120, -40]\n\
+                  target_mm = [0, 0, 0]\nfov_deg = 35\nflip_p99 = 0.05\nmax_error = 0.012\n";
+    let (told, seen) = of(behind);
+    assert!(told.contains("30 anchors, 180 rows of 1 columns"), "{told}");
+    assert!(hidden.len() < seen.len());
+}
+
+/// Where all views are far away the plan keeps the coarse levels of anchors alone, and says what that saves.
+#[test]
+fn the_plan_counts_the_levels_that_no_view_comes_near() {
+    let dir = tempfile::tempdir().unwrap();
+    let name = "the finest light at leaves far away";
+    let light = "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\n";
+    let near = crowd(dir.path(), [0.3, 0.3], 3, light);
+    assert!(!planned(&near).left_out.iter().any(|l| l.name == name));
+    let text = std::fs::read_to_string(&near).unwrap().replace("[20, -120, 40]", "[0, -90000, 0]");
+    std::fs::write(&near, text.replace("fov_deg = 35", "fov_deg = 2")).unwrap();
+    let plan = planned(&near);
+    let left = plan.left_out.iter().find(|l| l.name == name).unwrap();
+    // A pixel is 44 mm wide at 90 m; five anchors lie closer than that. One anchor stays of 15, 2 and 1.
+    assert_eq!(left.saved_bytes, 3 * (15 + 2) * 6 * 8);
+    assert!(left.reason.contains("3 leaves"), "{}", left.reason);
+}
+
 /// A transfer for which this machine lacks the memory is refused by the plan, with the numbers, before any leaf is
 /// fitted.
 #[test]

@@ -2,38 +2,15 @@
 //! instances are in the order of the transfer.
 
 use crate::Result;
+use crate::plan::levels::{self, Eye};
 use glam::{DVec3, Vec3};
 use mesophyll_fit_transfer::{OfLeaf, Transfer};
 use mesophyll_transport::ReferenceMesh;
-use mesophyll_transport::transfer::anchors::{coarser, levels};
+use mesophyll_transport::transfer::anchors::coarser;
 use mesophyll_transport::transfer::{Columns, Rows};
 use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// The camera of a scene's pictures.
-pub struct Eye {
-    /// Place of the camera (mm).
-    pub at: Vec3,
-    /// The least angle between neighbouring pixels of its pictures (rad).
-    pub pixel: f32,
-}
-
-impl Eye {
-    /// The eye of pictures of this size. At the angle θ from the axis a pixel covers a smaller angle than in the
-    /// middle. Across the direction from the middle it is smaller by cos θ, because the place on the picture plane is
-    /// farther away. Along this direction it is smaller by cos² θ, because the ray also meets the picture at a slant.
-    /// The corner has the largest θ.
-    pub fn new(camera: &viewer::Camera, [width, height]: [u32; 2]) -> Eye {
-        let up = (0.5 * camera.fov_y_deg.to_radians()).tan();
-        let pixels = height.max(1) as f32;
-        let across = up * width as f32 / pixels;
-        Eye { at: camera.eye, pixel: 2.0 * up / pixels / (1.0 + up * up + across * across) }
-    }
-}
-
-/// As in `arrives.wgsl`: where anchors are fewer pixels apart than this, coarser anchors are mixed in.
-const NEAR: f32 = 4.0;
 
 /// Hands over the light at the anchors, and at the coarser anchors that represent them where leaves are small in a
 /// picture. Levels for which none of the `eyes` is near enough are left out. Without eyes everything is kept.
@@ -47,10 +24,12 @@ pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
         });
     }
     // Instances that no view shows share the rows of another instance.
-    let mut kept: BTreeMap<(usize, usize), u32> = BTreeMap::new();
+    let mut kept: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     let places = || out.instances.iter().zip(&found.layout.first);
     for (instance, first) in places() {
-        let level = finest(&out.meshes[instance.mesh], instance, eyes);
+        let (mesh, of) = (&out.meshes[instance.mesh], &found.layout.leaves[instance.mesh]);
+        // Wood and ground have one level.
+        let level = if chain(of) == 1 { 0 } else { levels::finest(ball(mesh, instance), of.anchors.grid, eyes) };
         kept.entry((instance.mesh, *first)).and_modify(|l| *l = (*l).min(level)).or_insert(level);
     }
     let columns = found.columns.count();
@@ -58,7 +37,7 @@ pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
     let mut begins: BTreeMap<(usize, usize), u32> = BTreeMap::new();
     for (instance, first) in out.instances.iter_mut().zip(&found.layout.first) {
         let key = (instance.mesh, *first);
-        instance.first_level = kept[&key];
+        instance.first_level = kept[&key] as u32;
         instance.first_row = *begins.entry(key).or_insert_with(|| {
             let begin = (entries.len() / columns) as u32;
             let of = &found.layout.leaves[instance.mesh];
@@ -77,7 +56,7 @@ pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
 
 /// Number of levels of a mesh's anchors. Leaves have all levels of their grids; wood and ground have one.
 fn chain(of: &OfLeaf) -> usize {
-    if of.rows == Rows::Front { 1 } else { levels(of.anchors.grid) }
+    if of.rows == Rows::Front { 1 } else { mesophyll_transport::transfer::anchors::levels(of.anchors.grid) }
 }
 
 /// Adds the entries of a level's anchors, piece by piece. `first` is the first row of the finest anchors.
@@ -101,22 +80,13 @@ fn append(found: &Transfer, of: &OfLeaf, first: usize, level: usize, entries: &m
     }
 }
 
-/// The finest level for which any eye is near enough: the distance between its pixels is fewer anchors than the next
-/// level needs.
-fn finest(mesh: &viewer::Mesh, instance: &viewer::Instance, eyes: &[Eye]) -> u32 {
-    let Some(anchors) = &mesh.anchors else { return 0 };
+/// Centre and radius (mm) of a ball around an instance of a mesh.
+fn ball(mesh: &viewer::Mesh, instance: &viewer::Instance) -> (DVec3, f64) {
     let (low, high) =
         mesh.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
     let scale = instance.transform.x_axis.truncate().length();
-    let (centre, radius) =
-        (instance.transform.transform_point3(0.5 * (low + high)), 0.5 * scale * (high - low).length());
-    // The least number of anchors for a unit of length, because a piece is not longer than the mesh.
-    let dense = anchors.grid.iter().map(|n| (n - 1) as f32 / (2.0 * radius)).fold(f32::INFINITY, f32::min);
-    let level = |eye: &Eye| {
-        let passed = (eye.at.distance(centre) - radius).max(0.0) * eye.pixel * dense;
-        (NEAR * passed).log2().clamp(0.0, (anchors.levels - 1) as f32) as u32
-    };
-    eyes.iter().map(level).min().unwrap_or(0)
+    let centre = instance.transform.transform_point3(0.5 * (low + high));
+    (centre.as_dvec3(), f64::from(0.5 * scale * (high - low).length()))
 }
 
 /// Sets the shares of the sun that vertices see for this direction of the sun, where the transfer has them. The ground
@@ -149,15 +119,15 @@ pub fn mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Mat4;
+    use mesophyll_manifest::View;
     use mesophyll_viewer::pick;
 
     /// No two neighbouring pixels are nearer to each other than stated. The smallest step at the corner is along the
     /// direction away from the middle, and the stated one is not much smaller.
     #[test]
     fn no_pixel_of_a_picture_is_smaller_than_is_said() {
-        let camera =
-            viewer::Camera { eye: Vec3::new(1.0, -5.0, 2.0), target: Vec3::ZERO, up: Vec3::Z, fov_y_deg: 70.0 };
+        let view = View { eye_mm: Some([1.0, -5.0, 2.0]), fov_deg: Some(70.0), ..View::default() };
+        let camera = crate::draw::handover::camera(&view);
         for [width, height] in [[160, 90], [90, 160], [120, 120]] {
             let ray = |x: u32, y: u32| {
                 let [x, y] = [(x, width), (y, height)].map(|(k, n)| (k as f32 + 0.5) / n as f32);
@@ -166,30 +136,10 @@ mod tests {
             let steps = (1..width).flat_map(|x| (1..height).map(move |y| (x, y)));
             let angle = |(x, y)| (ray(x, y) - ray(x - 1, y)).length().min((ray(x, y) - ray(x, y - 1)).length());
             let least = steps.map(angle).fold(f32::INFINITY, f32::min);
-            let (found, up) = (Eye::new(&camera, [width, height]).pixel, 35f32.to_radians().tan());
+            let (found, up) = (Eye::new(&view, [width, height]).pixel as f32, 35f32.to_radians().tan());
             let most = up.max(up * width as f32 / height as f32).hypot(1.0);
             // In single precision the angle has an error of a few parts in 1e5.
             assert!(found < 1.0001 * least && least < 1.02 * most * found, "{width}x{height}: {found} {least}");
         }
-    }
-
-    /// A leaf 60 mm long with five by three anchors: the coarser the level, the farther away every eye must be. An eye
-    /// inside its ball, or no eye at all, keeps everything.
-    #[test]
-    fn only_levels_that_an_eye_comes_near_are_kept() {
-        let places = vec![Vec3::ZERO, Vec3::new(0.0, 4.0, 2.0)];
-        let mesh = viewer::Mesh {
-            positions: vec![Vec3::new(-30.0, -1.0, 0.0), Vec3::new(30.0, 1.0, 0.0)],
-            anchors: Some(viewer::Anchors { grid: [5, 3], places, rows: 6, levels: 3 }),
-            ..viewer::Mesh::default()
-        };
-        let instance = viewer::Instance { transform: Mat4::from_translation(Vec3::X * 100.0), ..Default::default() };
-        let at = |far: &[f32]| {
-            let eyes: Vec<Eye> = far.iter().map(|x| Eye { at: Vec3::X * (100.0 + x), pixel: 1e-3 }).collect();
-            finest(&mesh, &instance, &eyes)
-        };
-        assert_eq!((at(&[]), at(&[10.0]), at(&[1e6])), (0, 0, 2));
-        // Anchors are 30 mm apart across the leaf, which is half a distance for each pixel where a pixel is 15 mm wide.
-        assert_eq!((at(&[1.45e4]), at(&[1.55e4]), at(&[1.55e4, 50.0])), (0, 1, 0));
     }
 }

@@ -8,10 +8,11 @@ use super::sections::{Barks, plants};
 use super::{between, detail, grass};
 use crate::loaded::Scene;
 use crate::loaded::curve::curve;
+use crate::plan::levels;
 use crate::{Error, Result};
 use glam::{DMat4, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_manifest::{Manifest, View, ViewKind};
+use mesophyll_manifest::{Manifest, View};
 use mesophyll_optics::side::Side;
 use mesophyll_placed::Placed;
 use mesophyll_placed::daylight::{self, Daylight, sun_direction};
@@ -103,22 +104,12 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         out.wind.get_or_insert_with(|| still_branches(manifest));
     }
     if let Some(found) = &scene.transfer {
-        between::arriving(found, &eyes(manifest, placed), &mut out);
+        between::arriving(found, &levels::eyes(manifest, placed), &mut out);
         if let Some(direction) = sun_direction(manifest) {
             between::shade(found, direction, &mut out)?;
         }
     }
     Ok(out)
-}
-
-/// The cameras of the perspective views. There are none where the camera or the things there may move, or where leaves
-/// fade. Those are scenes for films, whose frames may have any size.
-fn eyes(manifest: &Manifest, placed: &Placed) -> Vec<between::Eye> {
-    if placed.free || placed.moves().any() || manifest.fades() {
-        return Vec::new();
-    }
-    let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(camera);
-    perspective.map(|c| between::Eye::new(&c, [manifest.check.width, manifest.check.height])).collect()
 }
 
 /// Whether the ground lies below everything else in the scene.

@@ -1,6 +1,6 @@
 //! The plan of light between leaves: whether there is any, and the settings of its transfer.
 
-use super::{Between, LeftOut, Need, Plan};
+use super::{Between, LeftOut, Need, Plan, levels};
 use crate::Result;
 use crate::transfer::{GLOSS_BANDS, folder};
 use glam::DVec3;
@@ -56,11 +56,15 @@ fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
     })
 }
 
-/// Whether no view ever shows a leaf. The views decide only where camera and leaves do not move, and where no film is
+/// Whether the views alone decide what is ever shown. They do where camera and leaves do not move, and where no film is
 /// drawn, whose frames may be wider.
+pub fn views_decide(manifest: &Manifest, placed: &Placed) -> bool {
+    !placed.free && !placed.moves().any() && !manifest.fades()
+}
+
+/// Whether a leaf certainly lies outside of every picture, so that no view ever shows it.
 pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
-    let views_decide = !placed.free && !placed.moves().any() && !manifest.fades();
-    views_decide && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
+    views_decide(manifest, placed) && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
 }
 
 /// Whether no leaf has another leaf, wood or ground beside it.
@@ -123,6 +127,18 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
         let saved = of(false, bands.unwrap_or(BANDS)) * columns * 8;
         plan.leave_out(LeftOut::new("light at leaves beside the pictures", why, saved, None));
     }
+    let eyes = levels::eyes(manifest, placed);
+    let (mut far, mut finer) = (0, 0);
+    for p in placed.placements.iter().filter(|p| !unseen(manifest, placed, p)) {
+        let finest = ball(placed, p).map_or(0, |ball| levels::finest(ball, asked.anchors, &eyes));
+        far += usize::from(finest > 0);
+        finer += levels::finer(asked.anchors, finest) * rows_an_anchor(gloss[p.leaf], bands.unwrap_or(GLOSS_BANDS));
+    }
+    if far > 0 {
+        let why = format!("no view comes near enough to {far} leaves to tell their anchors apart: coarser ones do");
+        let saved = (finer * bands.map_or(1, |b| b * b) * 8) as u64;
+        plan.leave_out(LeftOut::new("the finest light at leaves far away", why, saved, None));
+    }
     let shadows = sun_visibility(manifest, placed);
     plan.light.between = Some(Between { bands, sun_visibility: shadows.is_ok() });
     plan.light.sky_bands = plan.light.sky_bands.max(bands.unwrap_or(0));
@@ -177,9 +193,13 @@ fn ball(placed: &Placed, p: &Placement) -> Option<(DVec3, f64)> {
 
 /// Number of rows of all leaves together, if each is one piece.
 fn rows<'a>(asked: &Transfer, placements: impl Iterator<Item = &'a Placement>, gloss: &[bool], bands: usize) -> usize {
-    let [along, across] = asked.anchors;
-    let of = |leaf: usize| along * across * if gloss[leaf] { 6 + bands * bands } else { 6 };
-    placements.map(|p| of(p.leaf)).sum()
+    let anchors: usize = asked.anchors.iter().product();
+    placements.map(|p| anchors * rows_an_anchor(gloss[p.leaf], bands)).sum()
+}
+
+/// Rows of one anchor on a leaf.
+fn rows_an_anchor(glossy: bool, bands: usize) -> usize {
+    6 + if glossy { bands * bands } else { 0 }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ pub mod between;
 mod branches;
 mod grass;
 pub mod leaf;
+pub mod levels;
 mod light;
 mod warnings;
 
