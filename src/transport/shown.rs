@@ -9,13 +9,13 @@ use rayon::prelude::*;
 /// Rays along either edge of a pixel.
 const RAYS: usize = 2;
 
-/// Of each of the world's instances whether any of these cameras sees it in a picture of `width` × `height` pixels. Two
-/// by two rays are sent through every pixel. A sliver that passes between all of them, less than a pixel in each of the
-/// pictures, may be missed.
+/// For each of the world's instances, whether any of these cameras sees it in a picture of `width` × `height` pixels.
+/// Two by two rays are sent through every pixel. A sliver that passes between all of them, less than a pixel in each of
+/// the pictures, may be missed.
 ///
 /// # Errors
-/// [`crate::Error::Input`] for a world that contradicts itself, [`crate::Error::Usage`] for a camera that looks nowhere,
-/// [`crate::Error::Interrupted`] after Ctrl-C.
+/// [`crate::Error::Input`] for a world that contradicts itself, [`crate::Error::Usage`] for a camera that looks
+/// nowhere, [`crate::Error::Interrupted`] after Ctrl-C.
 pub fn shown(world: &World, cameras: &[Camera], [width, height]: [usize; 2]) -> Result<Vec<bool>> {
     world.validate()?;
     let stage = Stage::new(world);
