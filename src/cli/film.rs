@@ -135,8 +135,9 @@ fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Re
         return Err(Error::Missed(format!("ffmpeg could not make the video: {}; the frames are kept", last.trim())));
     }
     let bytes = std::fs::read(&whole).map_err(|e| Error::input(&whole, atomic::explain(&e)))?;
-    atomic::write_bytes(video, &bytes)?;
-    std::fs::remove_file(&whole).map_err(|e| Error::write(&whole, atomic::explain(&e)))
+    let written = atomic::write_bytes(video, &bytes);
+    std::fs::remove_file(&whole).map_err(|e| Error::write(&whole, atomic::explain(&e)))?;
+    written
 }
 
 #[cfg(not(feature = "render"))]

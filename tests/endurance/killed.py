@@ -44,6 +44,8 @@ def small(scene, folder, width, height, samples, more=()):
 def cases(program, folder, rows=400_000):
     """Name, words of the command without the output, name of the output, words that go on after a kill."""
     elm = ROOT / "data/leaves/elm.toml"
+    tree = folder / "sapling.glb"
+    run(program, ["grow", ROOT / "data/plants/bird-cherry-sapling.toml", "-o", tree])
     scan = folder / "scan"
     run(program, ["synth", elm, "-o", scan, "--size", "128x96", "--frames", "40"])
     table = folder / "slab.csv"
@@ -68,6 +70,10 @@ def cases(program, folder, rows=400_000):
         ("render", ["render", scenes["render"]], "pictures", ["--resume"]),
         ("run", ["run", scenes["run"]], "run", []),
         ("fit transfer", ["fit", "transfer", scenes["transfer"]], "transfer", []),
+        ("fit translucency", ["fit", "translucency", ROOT / "fits/elm"], "translucency", []),
+        ("fit grass", ["fit", "grass", ROOT / "data/grass/lawn.toml", "--texels", "32x8", "--entries", "8"], "slices", []),
+        ("fit sky", ["fit", "sky"], "sky", []),
+        ("import", ["import", tree], "branches", []),
         ("film", ["film", scenes["film"], "--to", "0.4", "--fps", "20"], "film", []),
         ("export", ["export", ROOT / "fits/elm", "--to", "csv"], "elm.csv", []),
     ]
