@@ -22,10 +22,10 @@ pub struct Args {
     /// Which models to sweep (default: all)
     #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(models::with(|m| m.bench).map(|(name, _)| name)))]
     models: Vec<String>,
-    /// Write bench.json, a plot a model, and the pictures of the documentation that belong to a model into this folder
+    /// Write bench.json, one plot for each model, and the documentation's pictures of these models into this folder
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: Option<PathBuf>,
-    /// Measure Python peers (SciPy, lmfit, iadpython, PROSPECT-D) beside us, where Python has them
+    /// Also measure comparable Python packages (SciPy, lmfit, iadpython, PROSPECT-D), as far as they are installed
     #[arg(long)]
     peers: bool,
 }
@@ -35,7 +35,9 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let wanted = models::asked(&args.models, |m| m.bench);
     if cfg!(debug_assertions) {
-        progress::say("this build is not optimised: its times say little, beside peers nothing");
+        progress::say(
+            "this build is not optimised, so its times say little; do not compare them with those of other programs",
+        );
     }
     if let Some(folder) = &args.output {
         claim::folder(folder, Kind::Bench, &[])?;

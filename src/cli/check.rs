@@ -29,8 +29,8 @@ pub struct Args {
     /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
     #[arg(long)]
     compare_interiors: bool,
-    /// Draw every view of a scene with light between leaves in several ways, and weigh error against time and bytes: a
-    /// row each in DIR/methods.csv
+    /// Draw every view of a scene with light between leaves by several methods, and compare their errors, times and
+    /// sizes. DIR/methods.csv gets one row for each method and view
     #[arg(long, conflicts_with = "goldens_only")]
     compare_methods: bool,
 }

@@ -26,13 +26,13 @@ pub struct Args {
     /// Fit folder, or a scene with plants
     #[arg(value_name = "DIR|SCENE.toml")]
     folder: PathBuf,
-    /// Format; a number is the last time of an animation, as --until has it
+    /// Format to write. With a number instead, the option sets the end of an animation (s), as --until does
     #[arg(long, value_parser = FormatOrTime, value_name = "FORMAT", required = true, allow_negative_numbers = true)]
     to: Vec<To>,
     /// File to write, `-` for standard output; with png, packed and pivots a folder
     #[arg(short, long = "out", alias = "output", value_name = "PATH")]
     output: PathBuf,
-    /// Scene: when its plants are seen (s); the wind's own time when absent
+    /// Scenes only: time (s) at which the plants are exported (default: the time that [wind] states)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     time: Option<f64>,
     /// Scene: first time (s) of an animation of its plants
@@ -41,7 +41,7 @@ pub struct Args {
     /// Scene: end of the animation (s); its last key is the last step at or before it
     #[arg(long, value_name = "S", allow_negative_numbers = true, requires = "from")]
     until: Option<f64>,
-    /// Scene: between two keys of the animation (s)
+    /// Scenes only: step (s) between two keys of the animation
     #[arg(long, value_name = "S", default_value_t = 0.04, allow_negative_numbers = true, requires = "from")]
     step: f64,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial

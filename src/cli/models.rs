@@ -221,7 +221,10 @@ pub const MODELS: [Model; 24] = [
     },
     Model {
         name: "transfer",
-        fit: verb!(fit::transfer, "How light arrives at the leaves of a scene past and by way of other leaves"),
+        fit: verb!(
+            fit::transfer,
+            "How the light that reaches each leaf of a scene depends on the light around the scene"
+        ),
         bench: Some(Sweep { steps: transfer::PIECES, rows: transfer::rows, pictures: None, peers: None }),
         ..NONE
     },

@@ -24,7 +24,8 @@ pub struct Args {
     /// The rows as Markdown on standard output
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-    /// Draw σa over what the mesophyll absorbs into this folder, a picture a side; for scans of leaves made of layers
+    /// For scans of leaves made of layers: plot the fitted σa against the absorption of the leaf's mesophyll, and write
+    /// one picture for each side into this folder
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
 }

@@ -40,14 +40,14 @@ pub struct Args {
     /// Relative noise of a reading; 0 writes exact values
     #[arg(long, value_name = "S", default_value_t = 0.01)]
     noise: f64,
-    /// Seed of the noise; the leaf itself grows from the specification's
+    /// Seed of the noise. The leaf itself depends on the seed in the specification
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Directions of travel: x, or x and y [default: xy]
     #[arg(long, value_name = "x|xy", value_parser = ["x", "xy"])]
     passes: Option<String>,
-    /// Width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field
-    /// otherwise
+    /// Width (mm) of the part of the leaf that is captured; its height follows from the aspect ratio of --size
+    /// (default: the whole field)
     #[arg(long, value_name = "MM")]
     patch_mm: Option<f64>,
     /// Dome, beams: centre of that part (a tube's field is the middle), in mm from the middle of the field (x right, y
@@ -64,7 +64,8 @@ pub struct Args {
     /// Dome: noise of a height, standard deviation in mm; none with --noise 0 [default: 0.01]
     #[arg(long, value_name = "MM")]
     height_noise: Option<f64>,
-    /// Beams: lit side, elevation over the blade and azimuth in that side's image, as front,60,0; may be given again
+    /// Beams only: one light, as side,elevation,azimuth, such as front,60,0: the lit side, the elevation above the
+    /// blade, and the azimuth in the image of that side. The option can be repeated
     #[arg(long, value_name = "SIDE,DEG,DEG", allow_hyphen_values = true)]
     beam: Vec<String>,
     /// Truth of the leaf, instead of the specification's

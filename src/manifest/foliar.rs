@@ -146,8 +146,8 @@ impl super::Manifest {
                 ModelName::Abm => Model::Abm,
             };
             if model == Model::Abm && self.sun.as_ref().is_some_and(|s| s.radius_deg == 0.0) {
-                let what = "model: found abm under a sun without extent, which rays never meet; expected fsm, or a sun with \
-                            a radius_deg above 0";
+                let what = "model: found abm under a sun of radius 0, which random rays never hit; expected fsm, or a \
+                            sun with a radius_deg above 0";
                 return Err(fault(what.into()));
             }
             let foliar = Foliar::new(model, layers).ok_or_else(|| {

@@ -101,7 +101,8 @@ impl Winds {
         let of_leaves = TEXTURES * flutters.len();
         if leads.len() + of_leaves > MOST_TEXTURES {
             let what = format!(
-                "branches of so many lengths that their sway needs {} motion textures, and {of_leaves} of flutter",
+                "the sway of the plants' branches needs {} motion textures, because their lengths differ so much, and \
+                 the flutter of leaves needs {of_leaves} more",
                 leads.len()
             );
             let expected = format!(

@@ -187,8 +187,8 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
 }
 
 /// The error for a scene without motion.
-pub const NOTHING_MOVES: &str = "nothing moves in this scene, so that all frames would be one picture; expected a \
- [wind] and a branch, a plant or a lawn in it, or a leaf whose chlorophyll fades_to less";
+pub const NOTHING_MOVES: &str = "nothing moves in this scene, so all frames would be equal; expected a [wind] and a \
+    branch, a plant or a lawn that it moves, or a leaf with fades_to below its chlorophyll";
 
 impl Options {
     /// Number of frames.

@@ -75,9 +75,13 @@ fn good_captures_are_summarised() {
         assert!(notes.contains("synthetic"));
         let out = run(["inspect", text(folder)]);
         let said = String::from_utf8_lossy(&out.stdout).into_owned();
-        for word in
-            ["under a dome", "front/albedo.exr", "thickness:", "the scans lean by", "This capture can be fitted."]
-        {
+        for word in [
+            "under a dome",
+            "front/albedo.exr",
+            "thickness:",
+            "the two height scans are tilted by",
+            "This capture can be fitted.",
+        ] {
             assert!(said.contains(word), "{word} is missing in\n{said}");
         }
     }

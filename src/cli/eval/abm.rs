@@ -34,10 +34,11 @@ pub struct Args {
     /// absorption_per_mm
     #[arg(long, value_name = "TABLE.csv")]
     pigments: Option<PathBuf>,
-    /// 800 rows a case: where light leaves, on patches of 9 by 9 degrees
+    /// Write the directions in which light leaves, on patches of 9 by 9 degrees: 800 rows for each case
     #[arg(long, conflicts_with = "table")]
     goniometer: bool,
-    /// 181 rows a case: the shares that the foliar scattering model looks up, a degree each, at 608, 551 and 465 nm
+    /// Write the shares of light that the foliar scattering model looks up, in steps of one degree, at 608, 551 and 465
+    /// nm: 181 rows for each case
     #[arg(long)]
     table: bool,
 }

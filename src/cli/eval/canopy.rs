@@ -120,7 +120,7 @@ fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &Common) -> Resu
     }
     let off = found.closure.mean - 1.0;
     progress::say(format!(
-        "energy: reflected + absorbed + taken by the ground = 1 {off:+.1e} ± {:.1e}",
+        "energy balance: reflected + absorbed + taken up by the ground differs from 1 by {off:+.1e} ± {:.1e}",
         found.closure.error
     ));
     Ok(0)

@@ -30,7 +30,7 @@ pub struct Args {
     /// Add noise of this relative standard deviation (and the geometry's noise_floor)
     #[arg(long, value_name = "S")]
     noise: Option<f64>,
-    /// Seed of the noise; rows with the same parameters differ by a column `seed`
+    /// Seed of the noise. Rows with the same parameters get the same noise, unless a column `seed` tells them apart
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     #[command(flatten)]

@@ -31,8 +31,9 @@ pub struct Args {
         value_parser = clap::value_parser!(u16).range(1..=MOST_BANDS as i64)
     )]
     bands: u16,
-    /// fit: fitted polynomials, 1e-5; compact: half the size, 1e-4; direct: integrated, 1e-9; the others fit Preetham
-    /// as a black box
+    /// fit: fitted polynomials, error about 1e-5; compact: polynomials of half the size, error about 1e-4; direct:
+    /// numerical integration, error about 1e-9. The other methods fit polynomials to the Preetham sky without using its
+    /// formula
     #[arg(long, value_parser = named::<Source>(), default_value_t = Source::Fit)]
     method: Source,
     /// The sky; hosek-wilkie needs --method direct
@@ -41,7 +42,8 @@ pub struct Args {
     /// Ground albedo of hosek-wilkie, 0 to 1
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
-    /// Factors against ringing; fitted: as shallow as lanczos at less loss, positive: no ringing at all
+    /// Factors that reduce ringing. fitted: dips no deeper below zero than lanczos, but loses less irradiance;
+    /// positive: never dips below zero
     #[arg(long, value_parser = named::<WindowKind>(), default_value_t = WindowKind::None)]
     window: WindowKind,
     /// Light from level ground of this albedo, 0 to 1, below the horizon (of the sky alone: the sun is not part of it)
@@ -94,7 +96,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ));
     }
     if beyond > 0 {
-        progress::say(format!("outside what the fit covers, integrated directly (skies: {beyond})"));
+        progress::say(format!("{beyond} skies lie outside the range of the fit and were integrated directly"));
     }
     batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)

@@ -15,7 +15,8 @@ use mesophyll_optics::slab::verdict::{self, Method};
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
-    /// fast: table, 1e-8; exact: nine digits and more; fn: the paper's F_N, order raised until two agree
+    /// fast: interpolation in a table, error about 1e-8; exact: at least nine digits; fn: the paper's F_N method, whose
+    /// order is raised until two successive orders agree
     #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Fast)]
     method: Method,
     /// Angle of the beam from the normal, below 90 (with --method exact)

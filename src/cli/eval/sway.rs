@@ -12,9 +12,9 @@ use mesophyll_placed::winds::Winds;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Where the tips of a scene's branches and of its plants' branches are as they sway in its wind:
-/// `time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm`, a row a branch and time. Both renderers bend the branches by the
-/// same numbers.
+/// The positions of the tips of a scene's branches and of its plants' branches as they sway in the scene's wind:
+/// `time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm`, one row for each branch and time. Both renderers bend the branches
+/// by the same numbers.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval sway"))]
 pub struct Args {
@@ -27,7 +27,7 @@ pub struct Args {
     /// Last time (s)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: f64,
-    /// Between two times (s)
+    /// Step between two times (s)
     #[arg(long, value_name = "S", default_value_t = 0.05)]
     step: f64,
     /// CSV to write (`-`: standard output); written whole or not at all

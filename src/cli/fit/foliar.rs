@@ -98,7 +98,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     if args.asked.iter().all(|p| *p == Parameter::Thickness) {
         return Err(Error::Usage(
-            "--fit names nothing that R and T tell; expected at least one content or oblateness".into(),
+            "--fit names no parameter that R and T determine; expected at least one content or oblateness".into(),
         ));
     }
     let spectrum = pigments::read(&args.pigments)?;

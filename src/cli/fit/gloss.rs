@@ -29,7 +29,7 @@ pub struct Args {
     /// Gauss-Legendre nodes on half the tube
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=256))]
     quadrature: u16,
-    /// Rejection of outliers: where residuals ask for it, never, or always looked for
+    /// Rejection of outliers. auto: only where the stated noise does not explain the residuals; off: never; on: always
     #[arg(long, value_parser = named::<Robust>(), default_value_t = Robust::Auto)]
     robust: Robust,
     #[command(flatten)]

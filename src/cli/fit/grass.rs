@@ -6,8 +6,10 @@ use mesophyll_fit_grass::{Options, run as fit};
 use mesophyll_record::FitRecord;
 use std::path::PathBuf;
 
-/// Slices of a meadow, which a fragment of the ground can trace in real time: opacity, reflectance, transmittance and
-/// normals of upright slabs of blades, with how far they are from the blades that they stand for.
+/// Fits upright slices to a meadow, so that a shader of the ground can trace them in real time.
+///
+/// A slice holds the opacity, reflectance, transmittance and normals of a slab of blades. The fit also says how far the
+/// slices differ from the blades.
 ///
 /// DIR gets slices.exr, level.exr, previews, fit.toml and times.toml. docs/grass.md explains them.
 #[derive(Debug, clap::Args)]
@@ -77,8 +79,8 @@ fn summary(record: &FitRecord) -> String {
     };
     let mut text = format!("{}: slices {}\n", record.name, say("slices"));
     text += &format!(
-        "{:.2} MB on the adapter; coverage off by {:.3} (root mean square), {:.3} (worst direction); colour by {:.1} %, \
-         sunlit by {:.1} %\n",
+        "{:.2} MB on the adapter; errors: coverage {:.3} (root mean square) and {:.3} (worst direction), \
+         colour {:.1} %, sunlit share {:.1} %\n",
         figure("all", "bytes_on_gpu") / 1e6,
         figure("all", "coverage_rms_error"),
         figure("all", "coverage_worst_error"),

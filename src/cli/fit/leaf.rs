@@ -32,7 +32,7 @@ pub struct Args {
     method: Method,
     #[command(flatten)]
     lobe: LobeArgs,
-    /// Weigh no texel down, however badly it fits
+    /// Give all texels full weight, however badly they fit
     #[arg(long)]
     no_robust: bool,
     /// Leave one frame of every N out of the fit and judge the fit by it; 0 leaves none out [default: 20]

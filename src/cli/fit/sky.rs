@@ -23,9 +23,9 @@ const EXAMPLES: &str = "Examples:
 /// With --panorama: from a picture of the sky (EXR, linear, white-balanced, proportional to radiance) the sun's zenith
 /// angle and azimuth, the turbidity and the reading of one kcd/m², with standard errors. Azimuth grows from +x to +y;
 /// an equirectangular picture's middle column looks to +x and its right half towards -y, a fisheye's top is +x and its
-/// right +y. What is NaN, below 1/2 in the mask or in an alpha channel A, or below the horizon is not looked at;
-/// clipped pixels, clouds and the sun's disk are found and left out. DIR gets fit.toml, times.toml and all.exr (fate,
-/// reduced chi2, residuals).
+/// right +y. Ignored pixels: those that are NaN, those whose mask or alpha channel A is below 1/2, and those below the
+/// horizon. The fit finds clipped pixels, clouds and the sun's disk by itself and leaves them out. DIR gets fit.toml,
+/// times.toml and all.exr (fate, reduced chi2, residuals).
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, after_long_help = format!("{EXAMPLES}\n\n{}", tables::help("fit sky")))]
 pub struct Args {

@@ -213,14 +213,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn not_in_mm(column: &str, thickness: f64) -> String {
     let [low, high] = LEAVES_MM;
     let hint = if (1e3 * low..=1e3 * high).contains(&thickness) {
-        ", in um such numbers are usual: add --thickness-unit um"
+        "; in um such numbers are usual: add --thickness-unit um"
     } else if (1e-3 * low..=1e-3 * high).contains(&thickness) {
-        ", in m such numbers are usual: add --thickness-unit m"
+        "; in m such numbers are usual: add --thickness-unit m"
     } else {
-        ": add --thickness-unit"
+        "; add --thickness-unit"
     };
     format!(
-        "{column} is {thickness} and names no unit; leaves are {low} to {high} mm thick{hint} (or mm if it is right)"
+        "{column} is {thickness} and names no unit; in mm this is outside the usual range of leaves, {low} to \
+         {high}{hint} (or mm if the number is right)"
     )
 }
 
@@ -242,7 +243,7 @@ fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     };
     match (named, asked) {
         (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
-            "--thickness-unit says otherwise than the name of the thickness column, {column:?}"
+            "--thickness-unit contradicts the unit in the name of the thickness column, {column:?}"
         ))),
         (None, None) if column == "h" => Ok(Some(Unit::Mm)),
         (named, asked) => Ok(asked.or(named)),

@@ -37,14 +37,14 @@ pub struct Args {
     /// Mean cosine of scattering that sigma_s is stated for
     #[arg(long, value_name = "V", default_value_t = 0.0, allow_negative_numbers = true)]
     g: f64,
-    /// Light that enters and leaves: all of it, or 1 - rho_d of the texel
+    /// Share of the light that crosses the surface. matched: all of it; albedo: 1 - rho_d of the texel
     #[arg(long, value_parser = named::<Entry>(), default_value_t = Entry::Matched)]
     entry: Entry,
-    /// How much comes through: the transport equation's, or diffusion's own
+    /// Total transmitted light. transport: scaled to the transport equation; form: as the diffusion formula gives it
     #[arg(long, value_parser = named::<Totals>(), default_value_t = Totals::Transport)]
     totals: Totals,
-    /// How much of a slanting beam comes through: as the transport equation has it, or as of one along the normal (as
-    /// the renderers take it)
+    /// Transmission of an oblique beam. slant: from the transport equation; normal: the same as for a beam along the
+    /// normal, as the renderers assume
     #[arg(long, value_enum, default_value_t = IncidenceName::Slant)]
     incidence: IncidenceName,
     /// Where the search begins: the leaf fit's slab, or the sources' table
@@ -53,7 +53,8 @@ pub struct Args {
     /// Thickness levels K
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
     levels: u16,
-    /// Leave out readings nearer than this to a border that the leaf goes on beyond (default: six mean thicknesses)
+    /// Leave out readings within this distance (mm) of a border of the picture at which the leaf is cut off (default:
+    /// six mean thicknesses)
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     margin_mm: Option<f64>,
     /// Fit again although the folder already holds this very fit

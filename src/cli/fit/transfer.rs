@@ -10,10 +10,10 @@ use mesophyll_record::FitRecord;
 use mesophyll_scene::{loaded::Scene, transfer};
 use std::path::PathBuf;
 
-/// How the light that arrives at the leaves of a scene depends on the light around it: past other leaves, and by way of
-/// them.
+/// Fits how the light that reaches each leaf of a scene depends on the light around the scene.
 ///
-/// The scene's [transfer] says how finely. DIR gets operators.exr, a preview, fit.toml and times.toml. `run`, `check`
+/// Part of it passes between the other leaves, and part is scattered by them. The scene's [transfer] sets the
+/// resolution. DIR gets operators.exr, a preview, fit.toml and times.toml. `run`, `check`
 /// and `view` make it by themselves where a scene lacks it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -46,7 +46,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// A summary of the record for people.
 fn summary(record: &FitRecord) -> String {
     let say = |name: &str| record.options.get(name).map_or("", String::as_str);
-    let mut text = format!("{}: {}, {} paths an anchor\n", record.name, say("light"), say("paths"));
+    let mut text = format!("{}: {}, {} paths for each anchor\n", record.name, say("light"), say("paths"));
     for (name, section) in &record.sections {
         let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
         let figure = |k: &str| section.figures.get(k).copied().unwrap_or(f64::NAN);

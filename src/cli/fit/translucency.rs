@@ -35,7 +35,7 @@ pub struct Args {
     /// Where the colour of the light that comes through is from
     #[arg(long, value_parser = named::<Colour>(), default_value_t = Colour::Substituted)]
     colour: Colour,
-    /// The one wavelength; the channel that lets most light through when absent
+    /// Channel whose wavelength is used where only one is (default: the channel that transmits most light)
     #[arg(long, value_enum)]
     channel: Option<Channel>,
     /// The leaf fit's slab, or the table of the sources (510 nm: sigma_a 0.4, sigma_s 10.2, g 0.07)
@@ -53,7 +53,8 @@ pub struct Args {
     /// Light that enters: all of it, or 1 - rho_d of the texel (default: all with the fit's slab, else 1 - rho_d)
     #[arg(long, value_parser = named::<Entry>())]
     entry: Option<Entry>,
-    /// Area that a texel's light is counted over: its facet's own, or the texel's, as the sources have it
+    /// Area over which a texel collects light. facet: the inclined surface itself; texel: its projection, as in the
+    /// sources
     #[arg(long, value_parser = named::<Area>(), default_value_t = Area::Facet)]
     area: Area,
     /// Boundary term A = (1 + rho)/(1 - rho), at least 1 (default: 1 where all light enters, else from the mean rho_d)
@@ -71,7 +72,8 @@ pub struct Args {
     /// Light directions over the hemisphere
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     lights: u32,
-    /// How they are placed: on a spiral, or one at random in each of as many cells, as the sources have it
+    /// Placement of the light directions. spiral: on a spiral; stratified: one at random in each of N equal cells, as
+    /// in the sources
     #[arg(long, value_parser = named::<RuleKind>(), default_value_t = RuleKind::Spiral)]
     placed: RuleKind,
     /// Functions of direction: half-life-2 and bent-3 (3, which the renderers evaluate), bent-6, h-basis (6), cosine
@@ -169,7 +171,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let outcome = fit(&leaf(args)?, &args.output, &options(args)?)?;
     super::told(outcome, &args.output, common, |record| {
         if let Some(why) = record.options.get("doubt") {
-            say(format!("warning: {why}; the maps are not to be relied on"));
+            say(format!("warning: {why}; do not rely on the maps"));
         }
         summary(record)
     })
@@ -184,7 +186,7 @@ fn summary(record: &FitRecord) -> String {
         let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
         text += &format!("light through the {name}: {} texels", count("texels") - count("outside"));
         if count("no_light") > 0 {
-            text += &format!(", {} that none comes through", count("no_light"));
+            text += &format!(", {} of them transmit no light", count("no_light"));
         }
         text.push('\n');
         for (parameter, p) in &section.params {

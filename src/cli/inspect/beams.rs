@@ -28,7 +28,7 @@ fn text(f: &Inspection) -> String {
     }
     f.photographs.iter().for_each(|p| line(photograph(p)));
     if let Some(ratio) = f.noise_seen_over_stated {
-        line(format!("noise seen: at most {ratio:.2} times the stated (fine texture counts)"));
+        line(format!("measured noise: at most {ratio:.2} times the stated noise (fine texture counts as noise)"));
     }
     if let Some(n) = f.leaf_texels {
         line(format!("leaf: {n} texels"));

@@ -41,13 +41,13 @@ fn text(f: &Inspection) -> String {
             a.offset_err_mm, a.thickness_error_mm
         ));
         line(format!(
-            "the scans lean by {:.3}° to each other, lie {:.3} mm beside and {:.3} mm over each other; their noise is \
-             {:.4} mm ({}) and raised the highest place by {:.4} mm",
+            "the two height scans are tilted by {:.3}° against each other, shifted by {:.3} mm sideways and {:.3} mm \
+             in height; their noise is {:.4} mm ({}), which raised the highest point by {:.4} mm",
             a.tilt[0].hypot(a.tilt[1]).atan().to_degrees(),
             a.shift_mm[0].hypot(a.shift_mm[1]),
             a.offset_mm,
             a.height_noise_mm,
-            if a.noise_stated { "stated" } else { "seen" },
+            if a.noise_stated { "stated" } else { "measured" },
             a.raised_mm
         ));
         line(format!(

@@ -126,7 +126,7 @@ fn text(f: &Inspection) -> String {
 /// The notes, the warnings and the problems; where there are none, it says so.
 fn said(lists: [&[String]; 3]) -> String {
     let mut out = String::new();
-    for (head, list) in ["What follows", "Worth a look", "Problems"].into_iter().zip(lists) {
+    for (head, list) in ["Notes", "Warnings", "Problems"].into_iter().zip(lists) {
         if !list.is_empty() {
             let _ = writeln!(out, "{head}:");
             list.iter().for_each(|n| {

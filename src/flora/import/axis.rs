@@ -150,7 +150,8 @@ pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     let rms = (radii.iter().map(|(_, cut)| cut.stray * cut.stray).sum::<f64>() / radii.len() as f64).sqrt();
     let mean = 0.5 * (root + tip);
     if !(mean > 0.0) || rms > ROUND * mean {
-        return Err(format!("it is not round: its outlines stray by {rms:.3} mm around {mean:.3} mm"));
+        let what = "the radius of its outlines varies by";
+        return Err(format!("it is not round: {what} {rms:.3} mm around a mean of {mean:.3} mm"));
     }
     if length < SHORTEST * mean {
         return Err(format!("it is {length:.3} mm long and {:.3} mm wide, expected a tube", 2.0 * mean));
