@@ -73,6 +73,9 @@ def main():
                         fault(f"{case}: {code}: {said}")
                 if codes == [2, 2]:
                     fault(f"{case}: both were refused")
+                # A short run may have ended before the other one claims its folder.
+                if k == 0 and took > 1 and whole.is_dir() and 2 not in codes:
+                    fault(f"{case}: both wrote one folder")
                 if wrong := differ(reference, place, times):
                     fault(f"{case}: {', '.join(wrong)} differ; exit codes {codes}, first one running: {running}")
                 shutil.rmtree(place.parent)
