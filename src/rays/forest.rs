@@ -23,19 +23,24 @@ pub struct Hit {
 
 /// A shape in its place.
 #[derive(Debug, Clone, Copy)]
-struct Instance {
-    shape: usize,
-    to_local: DAffine3,
+pub(crate) struct Instance {
+    pub shape: usize,
+    pub to_local: DAffine3,
 }
 
 /// All instances.
 #[derive(Debug, Clone)]
 pub struct Forest {
-    shapes: Vec<Shape>,
-    placed: Vec<Instance>,
-    tree: Tree,
-    level: Level,
+    pub(crate) shapes: Vec<Shape>,
+    pub(crate) placed: Vec<Instance>,
+    pub(crate) tree: Tree,
+    pub(crate) level: Level,
+    /// Whether many rays at once are followed in turns.
+    pub(crate) turns: bool,
 }
+
+/// Bytes above which rays wait for memory so often that turns pay: several times what a core's own cache holds.
+const LARGE: usize = 4 << 20;
 
 impl Forest {
     /// `placed` holds the index of a shape and its local → world transform (affine, invertible).
@@ -55,16 +60,24 @@ impl Forest {
             }
         }
         let tree = Tree::build(&boxes, 1, |_, things, _| numbers[things[0] as usize]);
-        let placed = placed
+        let placed: Vec<Instance> = placed
             .iter()
             .map(|(shape, transform)| Instance { shape: *shape, to_local: DAffine3::from_mat4(transform.inverse()) })
             .collect();
-        Forest { shapes, placed, tree, level: Level::detect() }
+        let trees = shapes.iter().map(|shape| size_of_val(&shape.triangles[..]) + size_of_val(&shape.tree.lines[..]));
+        let bytes = trees.sum::<usize>() + size_of_val(&tree.lines[..]) + size_of_val::<[Instance]>(&placed);
+        Forest { shapes, placed, tree, level: Level::detect(), turns: bytes > LARGE }
     }
 
     /// The same forest at another level, where the processor has it: for tests and measurements.
     pub fn at_level(mut self, level: Level) -> Forest {
         self.level = level.available();
+        self
+    }
+
+    /// The same forest, which follows many rays in turns, or does not, whatever its size: for tests and measurements.
+    pub fn in_turns(mut self, turns: bool) -> Forest {
+        self.turns = turns;
         self
     }
 
@@ -93,20 +106,9 @@ impl Forest {
         limit: f64,
         accept: impl Fn(usize, usize, [f64; 2]) -> bool,
     ) -> Option<Hit> {
-        let mut best: Option<Hit> = None;
-        let farthest = limit;
-        self.search::<false, _>(ray, limit, |instance, met, limit| {
-            let Met { t, barycentric, solid, .. } = met;
-            let triangle = met.triangle as usize;
-            let hit = Hit { t, instance, triangle, barycentric };
-            let first = t < farthest && best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
-            if first && (solid || accept(instance, triangle, barycentric)) {
-                *limit = t;
-                best = Some(hit);
-            }
-            false
-        });
-        best
+        let mut first = First { accept, farthest: limit, best: None };
+        self.search::<false, _>(ray, limit, &mut first);
+        first.best
     }
 
     /// Whether anything that `accept` lets pass lies at t > 0.
@@ -116,61 +118,105 @@ impl Forest {
 
     /// Whether anything that `accept` lets pass lies at 0 < t < `limit`.
     pub fn blocked_within(&self, ray: &Ray, limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
-        self.search::<true, _>(ray, limit, |instance, met, _| {
-            met.t < limit && (met.solid || accept(instance, met.triangle as usize, met.barycentric))
-        })
+        self.search::<true, _>(ray, limit, &mut Any { accept })
+    }
+
+    /// The corners of a triangle of shape `shape`, in the shape's own space.
+    ///
+    /// # Panics
+    /// Where there is no such shape or triangle.
+    #[inline]
+    pub fn corners(&self, shape: usize, triangle: usize) -> [DVec3; 3] {
+        self.shapes[shape].triangles[triangle].map(DVec3::from)
     }
 
     /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it; with `ANY` also until a solid triangle
     /// is met for sure with t < limit.
-    fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: F) -> bool {
+    fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
         let forest = self;
-        dispatch!(self.level, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: F) -> bool)
+        dispatch!(self.level, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: &mut F) -> bool)
     }
 }
 
-/// What is done with a hit: takes the instance, what is met of it and the limit, which it may lower; true ends the
-/// search.
-trait Found: FnMut(usize, Met, &mut f64) -> bool {}
+/// What is done with a hit.
+pub(crate) trait Found {
+    /// Takes the instance, what is met of it and the limit, which it may lower; true ends the search.
+    fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool;
+}
 
-impl<F: FnMut(usize, Met, &mut f64) -> bool> Found for F {}
+/// Which hits count: takes instance, triangle and barycentric coordinates.
+pub(crate) trait Accept: Fn(usize, usize, [f64; 2]) -> bool {}
+
+impl<A: Fn(usize, usize, [f64; 2]) -> bool> Accept for A {}
+
+/// Looks for the nearest hit before `farthest`.
+pub(crate) struct First<A> {
+    pub accept: A,
+    pub farthest: f64,
+    pub best: Option<Hit>,
+}
+
+impl<A: Accept> Found for First<A> {
+    #[inline(always)]
+    fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool {
+        let Met { t, barycentric, solid, .. } = met;
+        let triangle = met.triangle as usize;
+        let first =
+            t < self.farthest && self.best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
+        if first && (solid || (self.accept)(instance, triangle, barycentric)) {
+            *limit = t;
+            self.best = Some(Hit { t, instance, triangle, barycentric });
+        }
+        false
+    }
+}
+
+/// Looks for any hit before the limit.
+struct Any<A> {
+    accept: A,
+}
+
+impl<A: Accept> Found for Any<A> {
+    #[inline(always)]
+    fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool {
+        met.t < *limit && (met.solid || (self.accept)(instance, met.triangle as usize, met.barycentric))
+    }
+}
 
 #[inline(always)]
-fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, mut found: F) -> bool {
+fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, found: &mut F) -> bool {
     if forest.placed.len() == 1 {
         // A single instance needs no tree above its own.
-        return enter::<L, ANY>(forest, 0, ray, 0.0, &mut limit, &mut found);
+        return enter::<L, ANY, F>(forest, 0, ray, 0.0, &mut limit, found);
     }
-    let Some(local) = Local::<L>::new(ray, 0.0, &forest.tree.frame, &forest.tree.bounds) else { return false };
-    walk(&forest.tree, &local, &mut limit, &mut Instances::<_, ANY> { forest, ray, found })
+    let Some(local) = Local::new(ray, 0.0, &forest.tree.frame, &forest.tree.bounds) else { return false };
+    walk::<L, ANY, _>(&forest.tree, &local, &mut limit, &mut Instances::<F, ANY> { forest, ray, found })
 }
 
 /// Searches one instance.
 #[inline(always)]
-fn enter<L: Lanes, const ANY: bool>(
+fn enter<L: Lanes, const ANY: bool, F: Found>(
     forest: &Forest,
     k: usize,
     ray: &Ray,
     from: f64,
     limit: &mut f64,
-    found: &mut impl Found,
+    found: &mut F,
 ) -> bool {
     let instance = &forest.placed[k];
-    let local = ray.through(&instance.to_local);
-    let shape = &forest.shapes[instance.shape];
-    shape.meet::<L, ANY>(&local, from, limit, |met, limit| found(k, met, limit))
+    forest.shapes[instance.shape].meet::<L, ANY, F>(&ray.through(&instance.to_local), from, limit, k, found)
 }
 
 /// Tries the instance of a leaf.
 struct Instances<'a, F, const ANY: bool> {
     forest: &'a Forest,
     ray: &'a Ray,
-    found: F,
+    found: &'a mut F,
 }
 
 impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Instances<'_, F, ANY> {
     #[inline(always)]
-    fn leaf(&mut self, code: u32, local: &Local<L>, near: f32, _: f32, limit: &mut f64) -> bool {
-        enter::<L, ANY>(self.forest, code as usize, self.ray, local.t(near), limit, &mut self.found)
+    fn leaf(&mut self, code: u32, local: &Local, near: f32, _: f32, limit: &mut f64) -> bool {
+        enter::<L, ANY, F>(self.forest, code as usize, self.ray, local.t(near), limit, self.found)
     }
 }

@@ -21,12 +21,13 @@ mod collapse;
 mod forest;
 mod frame;
 mod lanes;
+mod many;
 mod ray;
 mod shape;
 mod triangle;
 mod walk;
 
 pub use forest::{Forest, Hit};
-pub use lanes::Level;
+pub use lanes::{Level, fetch};
 pub use ray::Ray;
 pub use shape::Shape;

@@ -1,6 +1,7 @@
 //! A mesh with its tree.
 
 use crate::arena::Tree;
+use crate::forest::Found;
 use crate::frame::Bounds;
 use crate::lanes::{Lanes, WIDTH, prefetch};
 use crate::ray::Ray;
@@ -11,7 +12,7 @@ use glam::DVec3;
 /// A leaf's triangles in their own space.
 #[derive(Debug, Clone)]
 pub struct Shape {
-    triangles: Vec<Triangle>,
+    pub(crate) triangles: Vec<Triangle>,
     pub(crate) tree: Tree,
 }
 
@@ -61,21 +62,27 @@ impl Shape {
         self.triangles.is_empty()
     }
 
-    /// The hits with 0 < t ≤ limit in a ray of the shape's own space, in any order: `found(hit, limit)` may lower the
-    /// limit, and ends the search by returning true. Nothing is met before `from`. Where `ANY` is set the search also
-    /// ends, without a word, at a solid triangle that is met for sure with t < limit.
+    /// The hits with 0 < t ≤ limit in a ray of the shape's own space, in any order: `found` may lower the limit, and
+    /// ends the search by returning true. Nothing is met before `from`. Where `ANY` is set the search also ends, without
+    /// a word, at a solid triangle that is met for sure with t < limit.
     #[inline(always)]
-    pub(crate) fn meet<L: Lanes, const ANY: bool>(
+    pub(crate) fn meet<L: Lanes, const ANY: bool, F: Found>(
         &self,
         ray: &Ray,
         from: f64,
         limit: &mut f64,
-        found: impl FnMut(Met, &mut f64) -> bool,
+        instance: usize,
+        found: &mut F,
     ) -> bool {
-        let Some(local) = Local::<L>::new(ray, from, &self.tree.frame, &self.tree.bounds) else { return false };
-        let mut triangles =
-            Triangles::<_, ANY> { shape: self, ray, sheared: None, found, later: [0; LATER], waiting: 0 };
-        walk(&self.tree, &local, limit, &mut triangles) || triangles.decide_waiting(limit)
+        let Some(local) = Local::new(ray, from, &self.tree.frame, &self.tree.bounds) else { return false };
+        let mut tried = Tried::NONE;
+        tried.begin(*ray);
+        walk::<L, ANY, _>(
+            &self.tree,
+            &local,
+            limit,
+            &mut Triangles::<F, ANY> { shape: self, instance, tried: &mut tried, found },
+        ) || tried.decide(self, instance, limit, found)
     }
 }
 
@@ -91,47 +98,75 @@ pub(crate) struct Met {
 /// So many triangles can wait for their decision.
 const LATER: usize = 8;
 
-/// Tries a leaf's triangles.
+/// What a ray has met of an instance so far.
 ///
 /// A solid triangle that is met for sure lowers the limit at once, to what f32 says, and is decided in f64 when the walk
 /// is over: by then its corners have come from memory. What is found does not change, because every triangle that may be
 /// as near is decided too.
-struct Triangles<'a, F, const ANY: bool> {
-    shape: &'a Shape,
-    ray: &'a Ray,
+pub(crate) struct Tried {
+    /// In the shape's own space.
+    ray: Ray,
     /// Made when the first triangle needs it.
     sheared: Option<Sheared>,
-    found: F,
     /// Numbers of the triangles that wait, the first `waiting` of them.
     later: [u32; LATER],
     waiting: usize,
 }
 
-impl<F: FnMut(Met, &mut f64) -> bool, const ANY: bool> Triangles<'_, F, ANY> {
-    /// The f64 test; true ends the search.
+impl Tried {
+    /// Of no ray.
+    pub const NONE: Tried = Tried {
+        ray: Ray { origin: DVec3::ZERO, direction: DVec3::ZERO },
+        sheared: None,
+        later: [0; LATER],
+        waiting: 0,
+    };
+
+    /// Nothing of an instance, whose space `ray` is in.
     #[inline(always)]
-    fn decide(&mut self, id: u32, limit: &mut f64) -> bool {
-        let (triangle, solid) = (id & !SOLID, id & SOLID != 0);
-        let sheared = self.sheared.get_or_insert_with(|| Sheared::new(self.ray));
-        let Some((t, b1, b2)) = sheared.meet(&self.shape.triangles[triangle as usize]) else { return false };
-        t > 0.0 && t <= *limit && (self.found)(Met { triangle, t, barycentric: [b1, b2], solid }, limit)
+    pub fn begin(&mut self, ray: Ray) {
+        (self.ray, self.sheared, self.waiting) = (ray, None, 0);
     }
 
+    /// The f64 test of a triangle; true ends the search.
     #[inline(always)]
-    fn decide_waiting(&mut self, limit: &mut f64) -> bool {
+    fn meet(&mut self, shape: &Shape, instance: usize, id: u32, limit: &mut f64, found: &mut impl Found) -> bool {
+        let (triangle, solid) = (id & !SOLID, id & SOLID != 0);
+        let sheared = self.sheared.get_or_insert_with(|| Sheared::new(&self.ray));
+        let Some((t, b1, b2)) = sheared.meet(&shape.triangles[triangle as usize]) else { return false };
+        t > 0.0 && t <= *limit && found.found(instance, Met { triangle, t, barycentric: [b1, b2], solid }, limit)
+    }
+
+    /// The f64 test of those that wait.
+    #[inline(always)]
+    pub fn decide(&mut self, shape: &Shape, instance: usize, limit: &mut f64, found: &mut impl Found) -> bool {
         let waiting = std::mem::take(&mut self.waiting);
-        (0..waiting).any(|k| self.decide(self.later[k], limit))
+        for k in 0..waiting {
+            if self.meet(shape, instance, self.later[k], limit, found) {
+                return true;
+            }
+        }
+        false
     }
 }
 
-impl<L: Lanes, F: FnMut(Met, &mut f64) -> bool, const ANY: bool> Visit<L> for Triangles<'_, F, ANY> {
+/// Tries a leaf's triangles.
+pub(crate) struct Triangles<'a, F, const ANY: bool> {
+    pub shape: &'a Shape,
+    pub instance: usize,
+    pub tried: &'a mut Tried,
+    pub found: &'a mut F,
+}
+
+impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Triangles<'_, F, ANY> {
     #[inline(always)]
-    fn leaf(&mut self, code: u32, local: &Local<L>, _near: f32, s: f32, limit: &mut f64) -> bool {
+    fn leaf(&mut self, code: u32, local: &Local, _near: f32, s: f32, limit: &mut f64) -> bool {
+        let Triangles { shape, instance, tried, found } = self;
         // `pack` writes a whole packet before `Tree::build` stores the line at which it begins, and lines are never
         // taken away: a leaf's code always has a packet behind it.
-        let packet =
-            self.shape.tree.lines[code as usize..].first_chunk::<PACKET>().expect("a leaf's code names a packet");
-        let Some(Candidates { mut lanes, sure, within, farthest, ids }) = candidates(local, L::splat(s), packet) else {
+        let packet = shape.tree.lines[code as usize..].first_chunk::<PACKET>().expect("a leaf's code names a packet");
+        let Some(Candidates { mut lanes, sure, within, farthest, ids }) = candidates::<L>(local, L::splat(s), packet)
+        else {
             return false;
         };
         let solid = L::load(ids).signs();
@@ -144,18 +179,18 @@ impl<L: Lanes, F: FnMut(Met, &mut f64) -> bool, const ANY: bool> Visit<L> for Tr
             let farthest = farthest.store();
             while later != 0 {
                 let lane = next(&mut later);
-                if self.waiting == LATER && self.decide_waiting(limit) {
+                if tried.waiting == LATER && tried.decide(shape, *instance, limit, *found) {
                     return true;
                 }
                 let id = ids[lane];
-                self.later[self.waiting & (LATER - 1)] = id;
-                self.waiting += 1;
-                prefetch::<2, _>(self.shape.triangles.as_ptr().wrapping_add((id & !SOLID) as usize));
+                tried.later[tried.waiting & (LATER - 1)] = id;
+                tried.waiting += 1;
+                prefetch::<2, _>(shape.triangles.as_ptr().wrapping_add((id & !SOLID) as usize));
                 *limit = limit.min(local.t(farthest[lane]));
             }
         }
         while lanes != 0 {
-            if self.decide(ids[next(&mut lanes)], limit) {
+            if tried.meet(shape, *instance, ids[next(&mut lanes)], limit, *found) {
                 return true;
             }
         }

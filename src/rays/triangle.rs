@@ -116,18 +116,21 @@ const U: f32 = 1.0 / (1 << 24) as f32;
 
 /// How far rounding can move what the packet test computes, for one ray.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Tolerance<L> {
+pub(crate) struct Tolerance {
     /// Of the edge functions, a length of the triangle's edges.
-    edge: L,
+    edge: f32,
     /// The same, a length of the edges and of the way to the triangle.
-    reach: L,
+    reach: f32,
 }
 
-impl<L: Lanes> Tolerance<L> {
+impl Tolerance {
+    /// Of no ray.
+    pub const NONE: Tolerance = Tolerance { edge: 0.0, reach: 0.0 };
+
     /// For a ray whose origin has components of at most `reach` in the tree's frame, with an error of `error`.
     #[inline(always)]
     pub fn new(reach: f32, error: f32) -> Self {
-        Tolerance { edge: L::splat(128.0 * U * (1.0 + reach) + error), reach: L::splat(1.0 + reach + error / U) }
+        Tolerance { edge: 128.0 * U * (1.0 + reach) + error, reach: 1.0 + reach + error / U }
     }
 }
 
@@ -163,25 +166,26 @@ pub(crate) struct Candidates<'a, L> {
 /// the tolerances are left to the rounding of T and D.
 #[inline(always)]
 pub(crate) fn candidates<'a, L: Lanes>(
-    local: &Local<L>,
+    local: &Local,
     limit: L,
     lines: &'a [Line; PACKET],
 ) -> Option<Candidates<'a, L>> {
     let (corner, first, second) = (rows::<L>(lines, 0), rows::<L>(lines, 3), rows::<L>(lines, 6));
     let size = longest(first).max(longest(second)).mul(L::splat(1.0 + 2.0 * U));
     let zero = L::splat(0.0);
-    let p = cross(local.direction, second);
+    let direction = splat::<L>(local.direction);
+    let p = cross(direction, second);
     let det = dot(first, p);
     let sign = det.sign();
     let det = det.flip(sign);
-    let [x, y, z] = local.origin;
+    let [x, y, z] = splat::<L>(local.origin);
     let from = [x.sub(corner[0]), y.sub(corner[1]), z.sub(corner[2])];
     let b1 = dot(from, p).flip(sign);
     let q = cross(from, first);
-    let b2 = dot(local.direction, q).flip(sign);
+    let b2 = dot(direction, q).flip(sign);
     let b0 = det.sub(b1).sub(b2);
     let tiny = L::splat(1e-30);
-    let tolerance = size.mul_add(size.mul_add(L::splat(128.0 * U), local.tolerance.edge), tiny);
+    let tolerance = size.mul_add(size.mul_add(L::splat(128.0 * U), L::splat(local.tolerance.edge)), tiny);
     let least = b0.min(b1).min(b2);
     let inside = zero.at_most(least.add(tolerance));
     if inside == 0 {
@@ -189,9 +193,9 @@ pub(crate) fn candidates<'a, L: Lanes>(
     }
     let t = dot(second, q).flip(sign);
     let unit = size.mul(size).mul(L::splat(64.0 * U));
-    let slack = unit.mul_add(local.tolerance.reach, tiny);
+    let slack = unit.mul_add(L::splat(local.tolerance.reach), tiny);
     let ahead = zero.at_most(t.add(slack));
-    let slack_at_limit = unit.mul_add(local.tolerance.reach.add(limit), tiny);
+    let slack_at_limit = unit.mul_add(L::splat(local.tolerance.reach).add(limit), tiny);
     let at_limit = limit.mul(det);
     let near = t.at_most(at_limit.add(slack_at_limit));
     let thin = det.at_most(unit);
@@ -208,6 +212,11 @@ pub(crate) fn candidates<'a, L: Lanes>(
 #[inline(always)]
 fn row<L: Lanes>(lines: &[Line; PACKET], k: usize) -> L {
     L::load(&lines[k / 2].0[k % 2])
+}
+
+#[inline(always)]
+fn splat<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
+    [L::splat(x), L::splat(y), L::splat(z)]
 }
 
 #[inline(always)]

@@ -16,26 +16,39 @@ const FARTHEST: f32 = 64.0;
 /// A ray in a tree's frame, in f32. Its parameter is s = t·per_t − start, so that s = 0 lies at or before everything in
 /// the tree and the direction's largest component is between ½ and 1.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Local<L> {
-    pub origin: [L; 3],
-    pub direction: [L; 3],
-    pub tolerance: Tolerance<L>,
+pub(crate) struct Local {
+    pub origin: [f32; 3],
+    pub direction: [f32; 3],
+    pub tolerance: Tolerance,
     /// 1/direction.
-    inverse: [L; 3],
+    inverse: [f32; 3],
     /// origin/direction, made larger for the planes where a ray enters and smaller for those where it leaves, by what
     /// rounding can move them.
-    entering: [L; 3],
-    leaving: [L; 3],
+    entering: [f32; 3],
+    leaving: [f32; 3],
     /// Which of low and high the ray meets first, an axis each.
     first: [usize; 3],
     per_t: f64,
     start: f64,
 }
 
-impl<L: Lanes> Local<L> {
+impl Local {
+    /// In the place of a ray that is not known yet.
+    pub const NONE: Local = Local {
+        origin: [0.0; 3],
+        direction: [0.0; 3],
+        tolerance: Tolerance::NONE,
+        inverse: [0.0; 3],
+        entering: [0.0; 3],
+        leaving: [0.0; 3],
+        first: [0; 3],
+        per_t: 0.0,
+        start: 0.0,
+    };
+
     /// `None` where the ray misses the tree's box, or goes nowhere. `from` is a t before which the ray meets nothing.
     #[inline(always)]
-    pub fn new(ray: &Ray, from: f64, frame: &Frame, bounds: &Bounds) -> Option<Local<L>> {
+    pub fn new(ray: &Ray, from: f64, frame: &Frame, bounds: &Bounds) -> Option<Local> {
         let longest = ray.direction.abs().max_element();
         if !(longest > 1e-290 && longest < 1e290) {
             return None;
@@ -71,12 +84,12 @@ impl<L: Lanes> Local<L> {
         let middle = |k: usize| origin[k] * inverse[k];
         let around = |k: usize| inverse[k].abs() * margin;
         Some(Local {
-            origin: splat(origin),
-            direction: splat(direction),
+            origin,
+            direction,
             tolerance: Tolerance::new(reach, lost),
-            inverse: splat(inverse),
-            entering: splat([middle(0) + around(0), middle(1) + around(1), middle(2) + around(2)]),
-            leaving: splat([middle(0) - around(0), middle(1) - around(1), middle(2) - around(2)]),
+            inverse,
+            entering: [middle(0) + around(0), middle(1) + around(1), middle(2) + around(2)],
+            leaving: [middle(0) - around(0), middle(1) - around(1), middle(2) - around(2)],
             first: [usize::from(inverse[0] < 0.0), usize::from(inverse[1] < 0.0), usize::from(inverse[2] < 0.0)],
             per_t,
             start,
@@ -85,7 +98,7 @@ impl<L: Lanes> Local<L> {
 
     /// s of a limit on t, rounded up.
     #[inline(always)]
-    fn s(&self, t: f64) -> f32 {
+    pub fn s(&self, t: f64) -> f32 {
         (((t * self.per_t - self.start) * (1.0 + 1e-6) + 1e-7) as f32).min(FARTHEST)
     }
 
@@ -97,27 +110,25 @@ impl<L: Lanes> Local<L> {
 
     /// Which of a node's boxes the ray meets before s, a bit each, and where it enters them.
     #[inline(always)]
-    fn boxes(&self, node: &[Line; NODE], s: L) -> (u32, L) {
+    fn boxes<L: Lanes>(&self, node: &[Line; NODE], s: L) -> (u32, L) {
         let [x, y, z] = self.first;
-        let near = self.enter(node, 0, x).max(self.enter(node, 1, y)).max(self.enter(node, 2, z).max(L::splat(0.0)));
-        let far = self.leave(node, 0, x).min(self.leave(node, 1, y)).min(self.leave(node, 2, z).min(s));
+        let near = self
+            .enter::<L>(node, 0, x)
+            .max(self.enter::<L>(node, 1, y))
+            .max(self.enter::<L>(node, 2, z).max(L::splat(0.0)));
+        let far = self.leave::<L>(node, 0, x).min(self.leave::<L>(node, 1, y)).min(self.leave::<L>(node, 2, z).min(s));
         (near.at_most(far), near)
     }
 
     #[inline(always)]
-    fn enter(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
-        L::load(&node[axis].0[side & 1]).mul_sub(self.inverse[axis], self.entering[axis])
+    fn enter<L: Lanes>(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
+        L::load(&node[axis].0[side & 1]).mul_sub(L::splat(self.inverse[axis]), L::splat(self.entering[axis]))
     }
 
     #[inline(always)]
-    fn leave(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
-        L::load(&node[axis].0[side & 1 ^ 1]).mul_sub(self.inverse[axis], self.leaving[axis])
+    fn leave<L: Lanes>(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
+        L::load(&node[axis].0[side & 1 ^ 1]).mul_sub(L::splat(self.inverse[axis]), L::splat(self.leaving[axis]))
     }
-}
-
-#[inline(always)]
-fn splat<L: Lanes>(x: [f32; 3]) -> [L; 3] {
-    [L::splat(x[0]), L::splat(x[1]), L::splat(x[2])]
 }
 
 /// 1/d; a tiny slope instead of none keeps 0·∞ out, and moves the ray within the box by less than the margin.
@@ -143,14 +154,14 @@ fn enter(origin: DVec3, direction: DVec3, frame: &Frame, bounds: &Bounds) -> Opt
 pub(crate) trait Visit<L> {
     /// Takes a leaf's code without [`LEAF`], the ray in the tree's frame, where it enters the leaf's box, the limit
     /// on s rounded up, and the limit on t, which it may lower. True ends the walk.
-    fn leaf(&mut self, code: u32, local: &Local<L>, near: f32, s: f32, limit: &mut f64) -> bool;
+    fn leaf(&mut self, code: u32, local: &Local, near: f32, s: f32, limit: &mut f64) -> bool;
 }
 
 /// A child that waits for its turn: its code, and where the ray enters its box.
 #[derive(Debug, Clone, Copy, Default)]
-struct Waiting {
-    code: u32,
-    near: f32,
+pub(crate) struct Waiting {
+    pub code: u32,
+    pub near: f32,
 }
 
 /// As many children can wait in the processor's stack; trees of 9 levels need no more, and trees of 18. The smaller the
@@ -158,9 +169,15 @@ struct Waiting {
 const FEW: usize = 64;
 const USUAL: usize = 128;
 
-/// Visits the leaves whose boxes the ray meets before `limit`, near ones first. True when a visit ended it.
+/// Visits the leaves whose boxes the ray meets before `limit`, near ones first, or with `ANY` in no certain order. True
+/// when a visit ended it.
 #[inline(always)]
-pub(crate) fn walk<L: Lanes>(tree: &Tree, ray: &Local<L>, limit: &mut f64, visitor: &mut impl Visit<L>) -> bool {
+pub(crate) fn walk<L: Lanes, const ANY: bool, V: Visit<L>>(
+    tree: &Tree,
+    ray: &Local,
+    limit: &mut f64,
+    visitor: &mut V,
+) -> bool {
     let (mut few, mut usual, mut many);
     let waiting: &mut [Waiting] = if tree.waiting <= FEW {
         few = [Waiting::default(); FEW];
@@ -172,7 +189,7 @@ pub(crate) fn walk<L: Lanes>(tree: &Tree, ray: &Local<L>, limit: &mut f64, visit
         many = vec![Waiting::default(); tree.waiting];
         &mut many
     };
-    walk_with(tree, ray, limit, visitor, waiting)
+    walk_with::<L, ANY, V>(tree, ray, limit, visitor, waiting)
 }
 
 /// The lane of the lowest bit, which is taken away.
@@ -184,54 +201,23 @@ pub(crate) fn next(hits: &mut u32) -> usize {
 }
 
 #[inline(always)]
-fn walk_with<L: Lanes>(
+fn walk_with<L: Lanes, const ANY: bool, V: Visit<L>>(
     tree: &Tree,
-    ray: &Local<L>,
+    ray: &Local,
     limit: &mut f64,
-    visitor: &mut impl Visit<L>,
+    visitor: &mut V,
     waiting: &mut [Waiting],
 ) -> bool {
     if tree.lines.is_empty() {
         return false;
     }
-    let fetch = |code: u32| prefetch::<NODE, _>(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
     let mut s = ray.s(*limit);
     let mut count = 0;
     let mut current = Waiting::default();
-    'walk: loop {
+    loop {
         if current.code & LEAF == 0 {
-            let node = tree.node(current.code);
-            let (mut hits, near) = ray.boxes(node, L::splat(s));
-            if hits != 0 {
-                let (codes, near) = (&node[3].0[0], near.store());
-                let child = |lane: usize| Waiting { code: codes[lane], near: near[lane] };
-                let first = child(next(&mut hits));
-                if hits == 0 {
-                    current = first;
-                    continue;
-                }
-                let second = child(next(&mut hits));
-                fetch(first.code);
-                fetch(second.code);
-                let second_is_nearer = second.near < first.near;
-                current = if second_is_nearer { second } else { first };
-                let base = count;
-                waiting[count] = if second_is_nearer { first } else { second };
-                count += 1;
-                while hits != 0 {
-                    let mut other = child(next(&mut hits));
-                    fetch(other.code);
-                    if other.near < current.near {
-                        std::mem::swap(&mut other, &mut current);
-                    }
-                    let mut at = count;
-                    while at > base && waiting[at - 1].near < other.near {
-                        waiting[at] = waiting[at - 1];
-                        at -= 1;
-                    }
-                    waiting[at] = other;
-                    count += 1;
-                }
+            if let Some(nearest) = descend::<L, true, ANY>(tree, ray, current.code, s, waiting, &mut count) {
+                current = nearest;
                 continue;
             }
         } else {
@@ -243,16 +229,83 @@ fn walk_with<L: Lanes>(
                 s = ray.s(*limit);
             }
         }
-        loop {
-            if count == 0 {
-                break 'walk;
-            }
-            count -= 1;
-            current = waiting[count];
-            if current.near <= s {
-                break;
-            }
+        match back(waiting, &mut count, 0, s) {
+            Some(next) => current = next,
+            None => return false,
         }
     }
-    false
+}
+
+/// The nearest of a node's children that the ray meets before s, if any; the others wait, nearer ones on top. With `ANY`
+/// they come as they lie: whatever is met ends the search, and their order costs more than it saves. `AHEAD` asks the
+/// memory for all of them where there are several.
+#[inline(always)]
+pub(crate) fn descend<L: Lanes, const AHEAD: bool, const ANY: bool>(
+    tree: &Tree,
+    ray: &Local,
+    code: u32,
+    s: f32,
+    waiting: &mut [Waiting],
+    count: &mut usize,
+) -> Option<Waiting> {
+    let fetch = |code: u32| {
+        if AHEAD {
+            prefetch::<NODE, _>(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
+        }
+    };
+    let node = tree.node(code);
+    let (mut hits, near) = ray.boxes::<L>(node, L::splat(s));
+    if hits == 0 {
+        return None;
+    }
+    let (codes, near) = (&node[3].0[0], near.store());
+    let child = |lane: usize| Waiting { code: codes[lane], near: near[lane] };
+    let first = child(next(&mut hits));
+    if hits == 0 {
+        return Some(first);
+    }
+    if ANY {
+        fetch(first.code);
+        while hits != 0 {
+            waiting[*count] = child(next(&mut hits));
+            fetch(waiting[*count].code);
+            *count += 1;
+        }
+        return Some(first);
+    }
+    let second = child(next(&mut hits));
+    fetch(first.code);
+    fetch(second.code);
+    let second_is_nearer = second.near < first.near;
+    let mut nearest = if second_is_nearer { second } else { first };
+    let base = *count;
+    waiting[*count] = if second_is_nearer { first } else { second };
+    *count += 1;
+    while hits != 0 {
+        let mut other = child(next(&mut hits));
+        fetch(other.code);
+        if other.near < nearest.near {
+            std::mem::swap(&mut other, &mut nearest);
+        }
+        let mut at = *count;
+        while at > base && waiting[at - 1].near < other.near {
+            waiting[at] = waiting[at - 1];
+            at -= 1;
+        }
+        waiting[at] = other;
+        *count += 1;
+    }
+    Some(nearest)
+}
+
+/// The last of the children that wait above `base` and that a ray enters before s; those above it are given up.
+#[inline(always)]
+pub(crate) fn back(waiting: &[Waiting], count: &mut usize, base: usize, s: f32) -> Option<Waiting> {
+    while *count > base {
+        *count -= 1;
+        if waiting[*count].near <= s {
+            return Some(waiting[*count]);
+        }
+    }
+    None
 }

@@ -3,7 +3,7 @@
 //! Both CPU renderers stand on this: the direct-light reference ([`super::render`]) and the path tracer
 //! ([`super::path`]).
 
-use super::accelerate::{Forest, Hit, Ray, Shape};
+use super::accelerate::{Forest, Hit, Ray, Shape, fetch};
 use super::foliar::Foliar;
 use super::lookup::{Taps, texels};
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
@@ -86,6 +86,34 @@ impl<'a> Stage<'a> {
         }
     }
 
+    /// What each of many rays meets first; faster than one by one where the rays differ and there is much to meet.
+    pub fn nearest_of_each(&self, rays: &[Ray]) -> Vec<Option<Met>> {
+        if self.repeat.is_some() {
+            return rays.iter().map(|ray| self.nearest(ray)).collect();
+        }
+        let hits = self.forest.nearest_of_each(rays, |i, t, b| self.on_leaf(i, t, b));
+        let met = |(ray, hit): (&Ray, Option<Hit>)| {
+            hit.map(|hit| Met { ray: *ray, hit: Hit { instance: self.instance[hit.instance], ..hit } })
+        };
+        rays.iter().zip(hits).map(met).collect()
+    }
+
+    /// Asks the memory for the corners' numbers that [`Stage::surface`] will read.
+    pub fn fetch_corners(&self, met: &Met) {
+        fetch(&self.leaf(met.hit.instance).mesh.indices[3 * met.hit.triangle..][..3]);
+    }
+
+    /// Asks the memory for what [`Stage::surface`] will read of the corners.
+    pub fn fetch_surface(&self, met: &Met) {
+        let leaf = self.leaf(met.hit.instance);
+        for k in corners(leaf, met.hit.triangle) {
+            fetch(&leaf.mesh.normals[k..=k]);
+            if leaf.width * leaf.height > 1 {
+                fetch(&leaf.mesh.uvs[k..=k]);
+            }
+        }
+    }
+
     /// Lowest and highest corner of what there is, in the cell around the origin where it repeats; `None` where there
     /// is nothing.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
@@ -126,7 +154,8 @@ impl<'a> Stage<'a> {
         let corner = corners(leaf, hit.triangle);
         let weight = [1.0 - hit.barycentric[0] - hit.barycentric[1], hit.barycentric[0], hit.barycentric[1]];
         let mesh = &leaf.mesh;
-        let [p0, p1, p2] = corner.map(|c| mesh.positions[c]);
+        // The same numbers as the mesh's, and nearer: the ray has just been tried on them.
+        let [p0, p1, p2] = self.forest.corners(self.world.instances[hit.instance].leaf, hit.triangle);
         let flat = (turn * (p1 - p0).cross(p2 - p0)).normalize_or_zero();
         let mix = |of: &[DVec3]| of[corner[0]] * weight[0] + of[corner[1]] * weight[1] + of[corner[2]] * weight[2];
         let mut smooth = mix(&mesh.normals).normalize_or((p1 - p0).cross(p2 - p0).normalize_or(DVec3::Z));
@@ -374,6 +403,10 @@ fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [usize; 3] {
 }
 
 fn texture_point(leaf: &ReferenceLeaf, triangle: usize, barycentric: [f64; 2]) -> DVec2 {
+    if leaf.width * leaf.height == 1 {
+        // A single texel is the same everywhere.
+        return DVec2::ZERO;
+    }
     let [a, b, c] = corners(leaf, triangle).map(|k| leaf.mesh.uvs[k]);
     a + (b - a) * barycentric[0] + (c - a) * barycentric[1]
 }

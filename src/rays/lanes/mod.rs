@@ -152,6 +152,14 @@ pub(crate) fn prefetch<const LINES: usize, T>(from: *const T) {
     let _ = from;
 }
 
+/// Asks the memory for numbers that will soon be read: at most two cache lines of them.
+#[inline]
+pub fn fetch<T>(soon: &[T]) {
+    let (from, bytes) = (soon.as_ptr().cast::<u8>(), size_of_val(soon));
+    prefetch::<1, _>(from);
+    prefetch::<1, _>(from.wrapping_add(bytes.saturating_sub(1)));
+}
+
 /// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `level`:
 /// `dispatch!(level, [flags], [generics] function(arg: Type, …) -> Return)`.
 macro_rules! dispatch {

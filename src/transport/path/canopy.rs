@@ -94,8 +94,11 @@ impl<'a> Canopy<'a> {
         let scale = PI / (self.irradiance[channel] * self.sun.z);
         let key = toward.to_array().iter().fold(self.seed, |key, x| mix(key, x.to_bits()));
         let [brf] = estimate(key, paths, |samples| {
-            let [u, v, ..] = samples.next();
-            [scale * self.tracer.follow(self.enter(-toward, [u, v]), samples).radiance[channel]]
+            let begun = samples.iter_mut().map(|samples| {
+                let [u, v, ..] = samples.next();
+                (self.enter(-toward, [u, v]), samples)
+            });
+            self.tracer.follow_each(begun).into_iter().map(|path| [scale * path.radiance[channel]]).collect()
         });
         brf
     }
@@ -103,8 +106,11 @@ impl<'a> Canopy<'a> {
     /// What becomes of the light of channel `channel`, from `paths` paths that follow the light.
     pub fn fluxes(&self, channel: usize, paths: u32) -> Fluxes {
         let [reflected, absorbed, transmitted, closure] = estimate(mix(self.seed, 4), paths, |samples| {
-            let [u, v, ..] = samples.next();
-            self.light(self.enter(-self.sun, [u, v]), channel, samples)
+            let follow = |samples: &mut Samples| {
+                let [u, v, ..] = samples.next();
+                self.light(self.enter(-self.sun, [u, v]), channel, samples)
+            };
+            samples.iter_mut().map(follow).collect()
         });
         Fluxes { reflected, absorbed, transmitted, closure }
     }

@@ -1,5 +1,6 @@
 //! Means over paths, with standard errors from independent randomisations.
 
+use super::SIDE_BY_SIDE;
 use super::samples::{MOST_PATHS, Samples};
 use crate::seeds::scramble;
 use mesophyll_files::progress;
@@ -19,11 +20,12 @@ pub struct Estimate {
 const ROUNDS: [u32; 2] = [32, 512];
 const PATHS_A_ROUND: u32 = 256;
 
-/// Means of the numbers that `path` returns, over `paths` paths. It ends early when a stop is requested.
+/// Means of the numbers that `follow` returns for each of a few paths, over `paths` paths. It ends early when a stop is
+/// requested.
 pub(super) fn estimate<const N: usize>(
     seed: u64,
     paths: u32,
-    path: impl Fn(&mut Samples) -> [f64; N] + Sync,
+    follow: impl Fn(&mut [Samples]) -> Vec<[f64; N]> + Sync,
 ) -> [Estimate; N] {
     let rounds = (paths / PATHS_A_ROUND).clamp(ROUNDS[0], ROUNDS[1]).max(paths.div_ceil(MOST_PATHS));
     let each = paths.div_ceil(rounds);
@@ -31,9 +33,13 @@ pub(super) fn estimate<const N: usize>(
         .into_par_iter()
         .map(|round| {
             let mut sum = [0.0; N];
-            for k in (0..each).take_while(|_| !progress::stop_requested()) {
-                let found = path(&mut Samples::new(scramble(seed, u64::from(round)), k));
-                (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
+            let begin = |k: u32| Samples::new(scramble(seed, u64::from(round)), k);
+            let firsts = (0..each).step_by(SIDE_BY_SIDE as usize);
+            for first in firsts.take_while(|_| !progress::stop_requested()) {
+                let mut samples: Vec<Samples> = (first..each.min(first + SIDE_BY_SIDE)).map(begin).collect();
+                for found in follow(&mut samples) {
+                    (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
+                }
             }
             sum
         })

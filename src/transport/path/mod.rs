@@ -79,6 +79,9 @@ fn goes_on(carried: &mut [f64; 3], samples: &mut Samples) -> bool {
     samples.next()[0] < share
 }
 
+/// So many paths are followed side by side at most.
+const SIDE_BY_SIDE: u32 = 256;
+
 /// A path that carries more than this is cut off.
 const MOST_CARRIED: f64 = 1e6;
 
@@ -134,8 +137,8 @@ impl<'a> Tracer<'a> {
     pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> Seen {
         let ray = Ray::new(eye, direction.normalize_or_zero());
         let [r, g, b, cut] = estimate::estimate(seed, paths, |samples| {
-            let Brought { radiance: [r, g, b], cut, .. } = self.follow(ray, samples);
-            [r, g, b, f64::from(u8::from(cut))]
+            let told = |Brought { radiance: [r, g, b], cut, .. }| [r, g, b, f64::from(u8::from(cut))];
+            self.follow_each(samples.iter_mut().map(|samples| (ray, samples))).into_iter().map(told).collect()
         });
         Seen { radiance: [r, g, b], cut: cut.mean > 0.0 }
     }
@@ -152,55 +155,92 @@ impl<'a> Tracer<'a> {
     }
 
     /// One path from the camera along `ray` (of unit direction).
-    fn follow(&self, mut ray: Ray, samples: &mut Samples) -> Brought {
+    fn follow(&self, ray: Ray, samples: &mut Samples) -> Brought {
+        self.follow_each([(ray, samples)]).pop().unwrap_or_default()
+    }
+
+    /// Paths from the camera along rays (of unit direction), side by side: all make their next turn, then what they meet
+    /// next is looked for together. What a path brings does not depend on those beside it.
+    fn follow_each<'s>(&self, begun: impl IntoIterator<Item = (Ray, &'s mut Samples)>) -> Vec<Brought> {
         let Paths { bounces, strategy } = self.paths;
         let most = bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
-        let mut brought = Brought::default();
-        let Some(mut met) = self.stage.nearest(&ray) else {
-            return Brought { radiance: self.background(ray.direction), ..brought };
-        };
-        brought.met = true;
-        let mut carried = [1.0; 3];
         let by_lights = self.lights.drawn(strategy);
+        let (mut paths, mut open, mut rays, mut turns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (k, (ray, samples)) in begun.into_iter().enumerate() {
+            let mut brought = Brought::default();
+            // Neighbours see much the same: one by one is faster.
+            match self.stage.nearest(&ray) {
+                Some(met) => {
+                    brought.met = true;
+                    open.push((k, met));
+                }
+                None => brought.radiance = self.background(ray.direction),
+            }
+            paths.push(Path { samples, carried: [1.0; 3], brought });
+        }
         for turned in 1..=most {
-            let surface = self.stage.surface(&met, SideBy::Triangle);
-            let scatter = Scatter::new(&self.stage, &surface, carried, surface.rho_t());
-            if !by_lights {
-                // A turn's numbers are its own, whether lights are drawn or not.
-                samples.skip();
-            } else if let Some(light) = self.lights.draw(samples.next(), strategy) {
-                let l = light.direction;
-                let f = if light.sun { scatter.times_cosine_of_sun(l) } else { scatter.times_cosine(l) };
-                if f.iter().any(|x| *x > 0.0) && !self.stage.blocked(&self.stage.leave(surface.point, surface.flat, l))
-                {
-                    let alone = light.sun && scatter.sun_by_maps();
-                    let share = match light.density.filter(|_| !alone || scatter.faces(l)) {
-                        Some(density) => strategy.light(density, || scatter.density(l)),
-                        // By maps for the sun's centre, which weigh its irradiance.
-                        None => light.level,
-                    };
-                    (0..3).for_each(|c| brought.radiance[c] += carried[c] * f[c] * light.weight[c] * share);
+            if open.is_empty() {
+                break;
+            }
+            open.iter().for_each(|(_, met)| self.stage.fetch_corners(met));
+            open.iter().for_each(|(_, met)| self.stage.fetch_surface(met));
+            for (k, met) in open.drain(..) {
+                let Path { samples, carried, brought } = &mut paths[k];
+                let surface = self.stage.surface(&met, SideBy::Triangle);
+                let scatter = Scatter::new(&self.stage, &surface, *carried, surface.rho_t());
+                if !by_lights {
+                    // A turn's numbers are its own, whether lights are drawn or not.
+                    samples.skip();
+                } else if let Some(light) = self.lights.draw(samples.next(), strategy) {
+                    let l = light.direction;
+                    let f = if light.sun { scatter.times_cosine_of_sun(l) } else { scatter.times_cosine(l) };
+                    if f.iter().any(|x| *x > 0.0)
+                        && !self.stage.blocked(&self.stage.leave(surface.point, surface.flat, l))
+                    {
+                        let alone = light.sun && scatter.sun_by_maps();
+                        let share = match light.density.filter(|_| !alone || scatter.faces(l)) {
+                            Some(density) => strategy.light(density, || scatter.density(l)),
+                            // By maps for the sun's centre, which weigh its irradiance.
+                            None => light.level,
+                        };
+                        (0..3).for_each(|c| brought.radiance[c] += carried[c] * f[c] * light.weight[c] * share);
+                    }
+                }
+                let Some(turn) = scatter.draw(samples.next()) else { continue };
+                (0..3).for_each(|c| carried[c] *= turn.weight[c]);
+                // Leaves that give more than they get can make a path carry without limit.
+                if carried.iter().any(|c| *c > MOST_CARRIED) {
+                    brought.cut = true;
+                    continue;
+                }
+                rays.push(self.stage.leave(surface.point, surface.flat, turn.direction));
+                turns.push((k, turn.density, !(turn.through && scatter.sun_by_maps())));
+            }
+            let met = self.stage.nearest_of_each(&rays);
+            for (((k, density, with_sun), ray), met) in turns.drain(..).zip(&rays).zip(met) {
+                let Path { samples, carried, brought } = &mut paths[k];
+                match met {
+                    None => {
+                        let seen = self.lights.seen(ray.direction, density, strategy, with_sun);
+                        (0..3).for_each(|c| brought.radiance[c] += carried[c] * seen[c]);
+                    }
+                    Some(_) if turned > FOLLOWED && !goes_on(carried, samples) => {}
+                    Some(met) => open.push((k, met)),
                 }
             }
-            let Some(turn) = scatter.draw(samples.next()) else { return brought };
-            (0..3).for_each(|c| carried[c] *= turn.weight[c]);
-            // Leaves that give more than they get can make a path carry without limit.
-            if carried.iter().any(|c| *c > MOST_CARRIED) {
-                return Brought { cut: true, ..brought };
-            }
-            ray = self.stage.leave(surface.point, surface.flat, turn.direction);
-            let Some(next) = self.stage.nearest(&ray) else {
-                let with_sun = !(turn.through && scatter.sun_by_maps());
-                let seen = self.lights.seen(turn.direction, turn.density, strategy, with_sun);
-                (0..3).for_each(|c| brought.radiance[c] += carried[c] * seen[c]);
-                return brought;
-            };
-            met = next;
-            if turned > FOLLOWED && !goes_on(&mut carried, samples) {
-                return brought;
-            }
+            rays.clear();
         }
-        brought.cut = bounces.is_none_or(|b| b > MOST_SCATTERINGS);
-        brought
+        for (k, _) in open {
+            paths[k].brought.cut = bounces.is_none_or(|b| b > MOST_SCATTERINGS);
+        }
+        paths.into_iter().map(|path| path.brought).collect()
     }
+}
+
+/// A path on its way.
+struct Path<'s> {
+    samples: &'s mut Samples,
+    /// What it lets through of light that it meets, a channel each.
+    carried: [f64; 3],
+    brought: Brought,
 }

@@ -9,7 +9,7 @@
 //! same bits.
 
 use super::samples::{MOST_PATHS, Samples};
-use super::{Brought, Tracer};
+use super::{Brought, SIDE_BY_SIDE, Tracer};
 use crate::render::Lens;
 use crate::seeds::{mix, scramble};
 use crate::world::Camera;
@@ -171,15 +171,10 @@ impl Picture {
             let drawn: Vec<(usize, u32, Vec<Brought>, u64)> = rows
                 .into_par_iter()
                 .filter_map(|(j, paths)| {
-                    let mut cut = 0;
-                    let row: Option<Vec<Brought>> = (0..width)
-                        .map(|i| {
-                            let seed = pixel_seed(request.seed, j * width + i, least);
-                            (!progress::stop_requested()).then(|| tracer.pixel(&lens, [i, j], seed, paths, &mut cut))
-                        })
-                        .collect();
+                    let seed = |i: usize| pixel_seed(request.seed, j * width + i, least);
+                    let row = tracer.row(&lens, j, width, paths, seed);
                     bar.advance(u64::from(paths) * width as u64);
-                    row.map(|row| (j, paths, row, cut))
+                    row.map(|(row, cut)| (j, paths, row, cut))
                 })
                 .collect();
             for (j, paths, row, cut) in drawn {
@@ -336,17 +331,37 @@ pub(super) fn pixel_seed(seed: u64, pixel: usize, round: u32) -> u32 {
 }
 
 impl Tracer<'_> {
-    /// The mean of `paths` paths through pixel (i, j): a box filter over its square.
-    pub(super) fn pixel(&self, lens: &Lens, [i, j]: [usize; 2], seed: u32, paths: u32, cut: &mut u64) -> Brought {
-        let mut sum = Brought::default();
-        for index in 0..paths {
-            let mut samples = Samples::new(seed, index);
-            let [x, y, ..] = samples.next();
-            let brought = self.follow(lens.ray(i as f64 + x, j as f64 + y), &mut samples);
-            (0..3).for_each(|c| sum.radiance[c] += brought.radiance[c] / f64::from(paths));
-            sum.met |= brought.met;
-            *cut += u64::from(brought.cut);
+    /// The means of `paths` paths through each pixel of row `j`, and how many were cut off: a box filter over the pixel's
+    /// square. `None` where a stop was asked for.
+    pub(super) fn row(
+        &self,
+        lens: &Lens,
+        j: usize,
+        width: usize,
+        paths: u32,
+        seed: impl Fn(usize) -> u32,
+    ) -> Option<(Vec<Brought>, u64)> {
+        let (mut row, mut cut) = (vec![Brought::default(); width], 0);
+        let all = width as u64 * u64::from(paths);
+        let pixel = |n: u64| (n / u64::from(paths)) as usize;
+        for first in (0..all).step_by(SIDE_BY_SIDE as usize) {
+            if progress::stop_requested() {
+                return None;
+            }
+            let numbers = first..all.min(first + u64::from(SIDE_BY_SIDE));
+            let mut samples: Vec<Samples> =
+                numbers.clone().map(|n| Samples::new(seed(pixel(n)), (n % u64::from(paths)) as u32)).collect();
+            let begun = numbers.clone().zip(&mut samples).map(|(n, samples)| {
+                let [x, y, ..] = samples.next();
+                (lens.ray(pixel(n) as f64 + x, j as f64 + y), samples)
+            });
+            for (n, brought) in numbers.clone().zip(self.follow_each(begun)) {
+                let sum = &mut row[pixel(n)];
+                (0..3).for_each(|c| sum.radiance[c] += brought.radiance[c] / f64::from(paths));
+                sum.met |= brought.met;
+                cut += u64::from(brought.cut);
+            }
         }
-        sum
+        Some((row, cut))
     }
 }

@@ -347,9 +347,7 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
         let lens = crate::render::Lens::new(&request(40).camera, 24, 24).unwrap();
         // One row at a time, as in an interrupted picture.
         let j = rounds % 24;
-        let mut cut = 0;
-        let row: Vec<Brought> =
-            (0..24).map(|i| tracer.pixel(&lens, [i, j], picture::pixel_seed(3, j * 24 + i, 0), 5, &mut cut)).collect();
+        let (row, _) = tracer.row(&lens, j, 24, 5, |i| picture::pixel_seed(3, j * 24 + i, 0)).unwrap();
         picture.take(j, 5, &row);
         rounds += 1;
         if rounds == 7 {
@@ -367,4 +365,38 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
     assert_eq!(again.paths(), [72, 72]);
     assert!(again.median_error().unwrap() < whole.median_error().unwrap());
     assert!(Picture::restore(&path, [24, 25]).is_err());
+}
+
+/// A path brings the same, to the last bit, alone and beside others.
+#[test]
+fn paths_side_by_side_bring_what_they_bring_alone() {
+    let mut world = lit_plates();
+    world.leaves.push(leaf(square(3.0), [0.8, 0.3], 0.15, Some((0.2, 0.3))));
+    for k in 0..30 {
+        let f = f64::from(k);
+        let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, f, 2.0 * f, 0.3 * f);
+        let at = DVec3::new((1.7 * f).sin() * 9.0, (2.9 * f).cos() * 9.0, 0.3 * f);
+        let leaf = world.leaves.len() - 1;
+        world.instances.push(Placement { leaf, transform: DMat4::from_rotation_translation(turn, at) });
+    }
+    for bounces in [None, Some(3)] {
+        let tracer = Tracer::new(&world, Paths { bounces, strategy: Strategy::Both }).unwrap();
+        let begin = |k: u32| {
+            let f = f64::from(k);
+            let from = DVec3::new(f.sin() * 20.0, f.cos() * 20.0, 30.0);
+            let to = DVec3::new((3.0 * f).sin(), (5.0 * f).cos(), 0.1) * 8.0;
+            (Ray::new(from, (to - from).normalize()), Samples::new(5, k))
+        };
+        let (rays, mut samples): (Vec<Ray>, Vec<Samples>) = (0..400).map(begin).unzip();
+        let together = tracer.follow_each(rays.into_iter().zip(&mut samples));
+        let mut met = 0;
+        for (k, brought) in (0..).zip(together) {
+            let (ray, mut samples) = begin(k);
+            let alone = tracer.follow(ray, &mut samples);
+            assert_eq!(brought.radiance.map(f64::to_bits), alone.radiance.map(f64::to_bits), "path {k}");
+            assert_eq!((brought.met, brought.cut), (alone.met, alone.cut), "path {k}");
+            met += usize::from(alone.met);
+        }
+        assert!(met > 200, "{met}");
+    }
 }

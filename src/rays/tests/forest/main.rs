@@ -3,3 +3,4 @@
 mod brute_force;
 mod closed;
 mod common;
+mod many;
