@@ -1,4 +1,4 @@
-//! Shapes in their places.
+//! Shapes that are placed in a scene, and the search for what a ray hits among them.
 
 use crate::arena::Tree;
 use crate::frame::Bounds;
@@ -8,27 +8,27 @@ use crate::shape::{Met, Shape};
 use crate::walk::{Local, Visit, walk};
 use glam::{DAffine3, DMat4, DVec3};
 
-/// Where a ray met something.
+/// A point where a ray hits a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray, in lengths of its direction.
+    /// Distance along the ray, in units of the length of its direction.
     pub t: f64,
-    /// Which instance was met.
+    /// The instance that was hit.
     pub instance: usize,
-    /// Which of its triangles.
+    /// The triangle of the instance's shape that was hit.
     pub triangle: usize,
     /// Weights of the triangle's second and third corner.
     pub barycentric: [f64; 2],
 }
 
-/// A shape in its place.
+/// A placed shape.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Instance {
     pub shape: usize,
     pub to_local: DAffine3,
 }
 
-/// All instances.
+/// All instances, with a tree of boxes over them.
 #[derive(Debug, Clone)]
 pub struct Forest {
     pub(crate) shapes: Vec<Shape>,
@@ -43,7 +43,7 @@ pub struct Forest {
 const LARGE: usize = 4 << 20;
 
 impl Forest {
-    /// `placed` holds the index of a shape and its local → world transform (affine, invertible).
+    /// `placed` holds, for each instance, the index of its shape and its local → world transform (affine, invertible).
     ///
     /// # Panics
     /// Where the index of a shape is not below their number.
@@ -51,7 +51,7 @@ impl Forest {
         let parts: Vec<Vec<Bounds>> = shapes.iter().map(|shape| shape.tree.parts()).collect();
         let (mut numbers, mut boxes) = (Vec::new(), Vec::new());
         for (k, (shape, transform)) in placed.iter().enumerate() {
-            // The boxes under a shape's root lie closer around it than the one box would, once it is turned.
+            // The boxes under a shape's root together fit a rotated shape more closely than its single box would.
             let corners = parts[*shape].iter().flat_map(Bounds::corners);
             let bounds = Bounds::of(corners.map(|p| transform.transform_point3(p))).padded();
             if !bounds.is_empty() && bounds.low.is_finite() && bounds.high.is_finite() {
@@ -69,7 +69,7 @@ impl Forest {
         Forest { shapes, placed, tree, level: Level::detect(), turns: bytes > LARGE }
     }
 
-    /// The same forest at another level, where the processor has it: for tests and measurements.
+    /// The same forest at another level, if the processor supports it; for tests and measurements.
     pub fn at_level(mut self, level: Level) -> Forest {
         self.level = level.available();
         self
@@ -93,13 +93,13 @@ impl Forest {
         if bounds.is_empty() { 0.0 } else { (bounds.high - bounds.low).length() }
     }
 
-    /// The nearest hit with t > 0 that `accept(instance, triangle, barycentric)` lets pass (an alpha test). Of hits at
-    /// the same t the one with the lowest instance and triangle counts.
+    /// The nearest hit with t > 0 that `accept(instance, triangle, barycentric)` accepts (an alpha test). Of several
+    /// hits at the same t, the one with the lowest instance and triangle is returned.
     pub fn nearest(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> Option<Hit> {
         self.nearest_within(ray, f64::INFINITY, accept)
     }
 
-    /// The nearest hit with 0 < t < `limit` that `accept` lets pass.
+    /// The nearest hit with 0 < t < `limit` that `accept` accepts.
     pub fn nearest_within(
         &self,
         ray: &Ray,
@@ -111,12 +111,12 @@ impl Forest {
         first.best
     }
 
-    /// Whether anything that `accept` lets pass lies at t > 0.
+    /// Whether there is a hit at t > 0 that `accept` accepts.
     pub fn blocked(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
         self.blocked_within(ray, f64::INFINITY, accept)
     }
 
-    /// Whether anything that `accept` lets pass lies at 0 < t < `limit`.
+    /// Whether there is a hit at 0 < t < `limit` that `accept` accepts.
     pub fn blocked_within(&self, ray: &Ray, limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
         self.search::<true, _>(ray, limit, &mut Any { accept })
     }

@@ -1,18 +1,21 @@
-//! Rays against triangles: which one a ray meets first, and whether anything stands in its way.
+//! Rays against triangles: which triangle a ray hits first, and whether anything blocks it.
 //!
-//! A [`Shape`] is a mesh with a tree of boxes; a [`Forest`] places shapes, each in any number of instances, and has a
-//! tree of boxes over them. The trees are built by the crate `obvhs` (PLOC: Meister & Bittner 2018; reinsertion:
-//! Meister & Bittner 2018), made eight children wide here ([`collapse`]) and walked here ([`walk`]).
+//! A [`Shape`] is a mesh with a tree of boxes. A [`Forest`] places shapes, each in any number of instances, and has a
+//! tree of boxes over the instances. The crate `obvhs` builds binary trees (PLOC: Meister & Bittner 2018; reinsertion:
+//! Meister & Bittner 2018). Here they become trees with eight children for each node ([`collapse`]), through which rays
+//! are then followed ([`walk`]).
 //!
-//! Boxes and a first look at the triangles are in f32, eight at a time. Both are conservative: boxes are rounded
-//! outwards, and the first look lets every triangle pass that rounding leaves in doubt. What passes is decided in f64
-//! ([`triangle`]), so that the result is that of the f64 test on every triangle, and the f32 part only saves time. A
-//! test compares the two. Triangles of which every point counts are *solid*: where f32 is sure that one is met, a search
-//! for anything at all ends there, and a search for the nearest decides it at the end of the walk ([`shape`]).
+//! The tests of boxes and a first test of triangles use f32, eight at a time. Both are conservative: boxes are rounded
+//! outwards, and the first test accepts every triangle for which rounding leaves any doubt. The accepted triangles are
+//! then tested in f64 ([`triangle`]). So the result is the same as if every triangle were tested in f64, and the f32
+//! part only saves time. A unit test compares the two. A triangle is *solid* if all its points count as hits. Where f32
+//! is sure that a solid triangle is hit, a search for any hit ends at once, and a search for the nearest hit postpones
+//! the f64 test to its end ([`shape`]).
 //!
-//! Units are the caller's: each tree works in a frame of its own where its box spans −1 to 1 ([`frame`]), so lengths
+//! The caller chooses the units. Each tree uses its own frame, in which its box spans −1 to 1 ([`frame`]), so lengths
 //! may be of any size.
-//! Limits: coordinates are finite (a triangle with others is never met), transforms are affine and can be inverted.
+//! Limits: coordinates are finite (a triangle with other coordinates is never hit), and transforms are affine and
+//! invertible.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! A mesh with its tree.
+//! A mesh with its tree of boxes.
 
 use crate::arena::Tree;
 use crate::forest::Found;
@@ -9,7 +9,7 @@ use crate::triangle::{Candidates, PACKET, SOLID, Sheared, Triangle, candidates, 
 use crate::walk::{Local, Visit, next, walk};
 use glam::DVec3;
 
-/// A leaf's triangles in their own space.
+/// A leaf's triangles in the leaf's own coordinates, with a tree of boxes.
 #[derive(Debug, Clone)]
 pub struct Shape {
     pub(crate) triangles: Vec<Triangle>,
@@ -17,8 +17,8 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The triangles of a mesh, three indices each, in boxes that rays can be tried on. Triangles with a coordinate
-    /// that is not finite keep their number and are never met.
+    /// The triangles of a mesh, with three indices each, in a tree of boxes. A triangle with a coordinate that is not
+    /// finite keeps its number, but is never hit.
     ///
     /// # Panics
     /// Where an index is not below the number of positions.
@@ -26,8 +26,8 @@ impl Shape {
         Shape::with_solid(positions, indices, |_| false)
     }
 
-    /// As [`Shape::new`], where of a triangle that is `solid` every point counts: rays are not asked whether to accept
-    /// it, which saves them time.
+    /// Like [`Shape::new`]. All points of a `solid` triangle count as hits, so that `accept` is not called for it,
+    /// which saves time.
     ///
     /// # Panics
     /// As [`Shape::new`].
@@ -52,12 +52,12 @@ impl Shape {
         Shape { triangles, tree }
     }
 
-    /// How many triangles there are.
+    /// Number of triangles.
     pub fn len(&self) -> usize {
         self.triangles.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
@@ -86,16 +86,16 @@ impl Shape {
     }
 }
 
-/// A triangle that a ray meets.
+/// A triangle that a ray hits.
 pub(crate) struct Met {
     pub triangle: u32,
     pub t: f64,
     pub barycentric: [f64; 2],
-    /// Whether every point of it counts.
+    /// Whether all points of the triangle count as hits.
     pub solid: bool,
 }
 
-/// So many triangles can wait for their decision.
+/// Number of triangles that can wait for their f64 test.
 const LATER: usize = 8;
 
 /// What a ray has met of an instance so far.

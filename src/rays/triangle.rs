@@ -1,4 +1,5 @@
-//! Triangles: the f64 test that decides, and packets of eight in f32 that say which triangles need it.
+//! Intersection of rays and triangles: the f64 test that decides, and packets of eight triangles in f32, which show for
+//! which of them the f64 test is necessary.
 
 use crate::arena::{EMPTY, Line, Row};
 use crate::frame::Frame;
@@ -7,10 +8,10 @@ use crate::ray::Ray;
 use crate::walk::Local;
 use glam::DVec3;
 
-/// Three corners.
+/// The three corners of a triangle.
 pub(crate) type Triangle = [[f64; 3]; 3];
 
-/// A ray prepared for the f64 test: its longest axis becomes z, and x and y are sheared so that it runs along z.
+/// A ray prepared for the f64 test: its longest axis becomes z, and a shear of x and y makes it run along z.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sheared {
     axes: [usize; 3],
@@ -38,7 +39,7 @@ impl Sheared {
         }
     }
 
-    /// A corner as the ray sees it: how far beside the ray, twice, and how far along it.
+    /// A corner in the sheared coordinates: two distances across the ray, and one along it.
     #[inline(always)]
     fn corner(&self, p: &[f64; 3]) -> (f64, f64, f64) {
         let along = |k: usize| p[self.axes[k]] - self.origin[k];
@@ -46,10 +47,10 @@ impl Sheared {
         (along(0) - self.shear[0] * z, along(1) - self.shear[1] * z, z)
     }
 
-    /// (t, b1, b2) with the hit at (1−b1−b2)·p0 + b1·p1 + b2·p2, from either side; t may be negative. Woop, Benthin &
-    /// Wald 2013 ("Watertight ray/triangle intersection"), in f64: of two triangles with a common edge at least one is
-    /// met by a ray through the edge, because both compute the edge's sign from the same numbers. A triangle that is
-    /// seen exactly edge-on is not met.
+    /// (t, b1, b2) of the hit at (1−b1−b2)·p0 + b1·p1 + b2·p2, from either side; t may be negative. This is the method
+    /// of Woop, Benthin & Wald 2013 ("Watertight ray/triangle intersection"), in f64. A ray through the common edge of
+    /// two triangles hits at least one of them, because both compute the sign for the edge from the same numbers. A
+    /// triangle seen exactly edge-on is not hit.
     #[inline(always)]
     pub fn meet(&self, triangle: &Triangle) -> Option<(f64, f64, f64)> {
         let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] =
@@ -64,13 +65,13 @@ impl Sheared {
         }
         let inverse = 1.0 / det;
         let t = (u * az + v * bz + w * cz) * inverse * self.shear[2];
-        // NaN, of a triangle without an area whose products overflow, is no hit.
+        // NaN arises for a triangle without an area whose products overflow. It is no hit.
         t.is_finite().then_some((t, v * inverse, w * inverse))
     }
 }
 
-/// x1·y2 − y1·x2, with the right sign always: exact products (Dekker 1971, by fused multiply–add) where rounding could
-/// turn it. Without them a triangle that the ray sees edge-on could be met beside its corners.
+/// x1·y2 − y1·x2, always with the right sign. Where rounding could change the sign, the products are computed exactly
+/// (Dekker 1971, by fused multiply–add). Otherwise a triangle seen edge-on could be hit outside its corners.
 #[inline(always)]
 fn area(x1: f64, y1: f64, x2: f64, y2: f64) -> f64 {
     let (a, b) = (x1 * y2, y1 * x2);
@@ -82,19 +83,21 @@ fn area(x1: f64, y1: f64, x2: f64, y2: f64) -> f64 {
     }
 }
 
-/// Lines of a packet: rows of a corner (x, y, z), two edges, and which triangles they are.
+/// Number of lines of a packet. Its rows hold a corner (x, y, z), two edges, and the triangles' numbers.
 pub(crate) const PACKET: usize = 5;
 
-/// Marks the number of a solid triangle in a packet: every point of it counts, whatever a caller may ask of others.
+/// The bit that marks the number of a solid triangle in a packet: all its points count as hits, without asking the
+/// caller.
 pub(crate) const SOLID: u32 = 1 << 31;
 
-/// Adds a packet of up to eight triangles, of which `ids` says which they are in `triangles` and which are [`SOLID`].
+/// Appends a packet of up to eight triangles. `ids` holds their indices in `triangles`, with the bit [`SOLID`] where it
+/// applies.
 pub(crate) fn pack(frame: &Frame, triangles: &[Triangle], ids: &[u32], lines: &mut Vec<Line>) -> u32 {
     let at = lines.len();
     lines.resize(at + PACKET, EMPTY);
     let mut set = |row: usize, lane: usize, bits: u32| lines[at + row / 2].0[row % 2][lane] = bits;
     for lane in 0..WIDTH {
-        // A lane that is free has edges that are no numbers, and no comparison with them holds.
+        // The edges of a free lane are NaN, so that no comparison with them holds.
         let Some(&id) = ids.get(lane) else {
             (3..9).for_each(|row| set(row, lane, f32::NAN.to_bits()));
             continue;
@@ -114,7 +117,7 @@ pub(crate) fn pack(frame: &Frame, triangles: &[Triangle], ids: &[u32], lines: &m
 /// Half the distance between neighbouring f32 near 1.
 const U: f32 = 1.0 / (1 << 24) as f32;
 
-/// How far rounding can move what the packet test computes, for one ray.
+/// How much rounding can change the results of the packet test, for one ray.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
     /// Of the edge functions, a length of the triangle's edges.
@@ -134,36 +137,37 @@ impl Tolerance {
     }
 }
 
-/// What the f32 test says of a packet, a bit or a lane for each of its triangles.
+/// Results of the f32 test of a packet. Each has one bit or one lane for each triangle.
 pub(crate) struct Candidates<'a, L> {
-    /// Which the f64 test may accept with 0 < t ≤ limit.
+    /// The triangles that the f64 test may accept with 0 < t ≤ limit.
     pub lanes: u32,
-    /// Which of them it accepts for sure with t > 0.
+    /// Those of them that it will certainly accept with t > 0.
     pub sure: u32,
-    /// Which of those it accepts for sure with t < limit.
+    /// Those of the certain ones that it will accept with t < limit.
     pub within: u32,
-    /// The s of a sure one is not larger than this.
+    /// An upper bound for the s of each certain hit.
     pub farthest: L,
-    /// Their numbers, and whether they are [`SOLID`].
+    /// The triangles' numbers, with the bit [`SOLID`] where it applies.
     pub ids: &'a Row,
 }
 
-/// Which triangles of a packet the f64 test may accept: Möller & Trumbore 1997 without its division, in f32.
+/// The triangles of a packet that the f64 test may accept, by the method of Möller & Trumbore 1997 without its
+/// division, in f32.
 ///
-/// Every triangle that the f64 test accepts with 0 < t ≤ limit passes. Let u = 2⁻²⁴, E the longest component of the
-/// triangle's edges, and R that of the ray's origin; corners and the direction have components of at most 1. Rounding
-/// the input and every step, an edge function U or V is off by at most 54 u (1+R) E, the determinant D by 48 u E², and
-/// T, which is t·D, by 54 u (1+R) E². The tolerances here are larger: 128 u (1+R+E) E for the edge functions and their
-/// sum, 64 u (1+R) E² for T > 0, 64 u (1+R+limit) E² for T ≤ limit·D. Where |D| is at most 64 u E², its sign is not
-/// sure; such triangles are seen edge-on, and t is then left to the f64 test. The term 1e-30 holds where products
-/// underflow.
+/// Every triangle that the f64 test accepts with 0 < t ≤ limit passes. Let u = 2⁻²⁴, E the largest component of the
+/// triangle's edges, and R the largest of the ray's origin. Corners and the direction have components of at most 1. The
+/// rounding of the input and of every step changes an edge function U or V by at most 54 u (1+R) E, the determinant D
+/// by 48 u E², and T, which is t·D, by 54 u (1+R) E². The tolerances here are larger: 128 u (1+R+E) E for the edge
+/// functions and their sum, 64 u (1+R) E² for T > 0, and 64 u (1+R+limit) E² for T ≤ limit·D. If |D| is at most 64 u
+/// E², its sign is not certain. The triangle is then seen edge-on, and only the f64 test checks t. The term 1e-30 keeps
+/// the bounds valid where products underflow.
 ///
-/// By the same bounds a triangle whose edge functions and T are positive by more than their tolerances is met for sure,
-/// at an s of at most (T + 64 u (1+R) E²)/(D − 64 u E²).
+/// By the same bounds, a triangle is certainly hit if its edge functions and T exceed their tolerances. Its s is then
+/// at most (T + 64 u (1+R) E²)/(D − 64 u E²).
 ///
-/// `limit` is rounded up, at most to x (1 + 1e-6) + 1e-7 where x is the s of the limit on t (`Local::s`). What is sure to
-/// lie before the limit is compared with limit (1 − 32 u) − 8 u, which is less than x by at least 13 u x + 6 u, so that
-/// the tolerances are left to the rounding of T and D.
+/// `limit` is rounded up, at most to x (1 + 1e-6) + 1e-7, where x is the s of the limit on t (`Local::s`). To be
+/// certain that a hit lies before the limit, it is compared with limit (1 − 32 u) − 8 u. This is less than x by at
+/// least 13 u x + 6 u, so the tolerances only have to allow for the rounding of T and D.
 #[inline(always)]
 pub(crate) fn candidates<'a, L: Lanes>(
     local: &Local,
@@ -203,12 +207,12 @@ pub(crate) fn candidates<'a, L: Lanes>(
     let sure = lanes & !thin & tolerance.at_most(least) & slack.at_most(t);
     let below = limit.mul(L::splat(1.0 - 32.0 * U)).sub(L::splat(8.0 * U));
     let within = sure & t.add(slack_at_limit).at_most(below.mul(det));
-    // Three roundings, and room for as many again.
+    // The factor allows for three roundings, and for as many more.
     let farthest = t.add(slack).div(det.sub(unit)).mul(L::splat(1.0 + 8.0 * U));
     Some(Candidates { lanes, sure, within, farthest, ids: &lines[4].0[1] })
 }
 
-// These are functions and not closures so that they are compiled for the instruction set of their caller.
+// Functions instead of closures, so that the compiler uses the instruction set of the caller.
 #[inline(always)]
 fn row<L: Lanes>(lines: &[Line; PACKET], k: usize) -> L {
     L::load(&lines[k / 2].0[k % 2])

@@ -1,4 +1,4 @@
-//! The walk of a ray through a tree: nearest box first, eight boxes at a time, in f32.
+//! How a ray is followed through a tree: the nearest box first, eight boxes at a time, in f32.
 
 use crate::arena::{LEAF, Line, NODE, Tree};
 use crate::frame::{Bounds, Frame};
@@ -10,11 +10,11 @@ use glam::DVec3;
 /// Half the distance between neighbouring f32 near 1.
 const U: f32 = 1.0 / (1 << 24) as f32;
 
-/// Beyond this no box of a tree is met: larger than any s in a tree's frame.
+/// A value larger than every s at which a box of a tree can be hit in the tree's frame.
 const FARTHEST: f32 = 64.0;
 
-/// A ray in a tree's frame, in f32. Its parameter is s = t·per_t − start, so that s = 0 lies at or before everything in
-/// the tree and the direction's largest component is between ½ and 1.
+/// A ray in a tree's frame, in f32. Its parameter is s = t·per_t − start. It is chosen so that everything in the tree
+/// lies at s ≥ 0, and the largest component of the direction is between ½ and 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Local {
     pub origin: [f32; 3],
@@ -53,18 +53,18 @@ impl Local {
         if !(longest > 1e-290 && longest < 1e290) {
             return None;
         }
-        // The power of two above the longest component, and its inverse.
+        // The power of two above the largest component, and its inverse.
         let exponent = longest.to_bits() >> 52;
         let (shrink, grow) = (f64::from_bits((2045 - exponent) << 52), f64::from_bits((exponent + 1) << 52));
         let direction = ray.direction * shrink;
         let mut origin = frame.point(ray.origin);
         let mut reach = origin.abs().max_element();
-        // What f64 itself may lose on the way from a distant origin.
+        // The possible rounding error of f64 itself for a distant origin.
         let lost = (1e-14 * reach) as f32;
         let per_t = grow * frame.scale;
         let mut start = 0.0;
         if reach > 2.0 {
-            // Start where the ray comes near: f32 is too coarse for a long way.
+            // The ray's start is moved near the box, because f32 is too coarse for a long distance.
             start = from * per_t;
             let mut moved = origin + direction * start;
             reach = moved.abs().max_element();
@@ -79,7 +79,8 @@ impl Local {
         let (origin, direction) = (origin.as_vec3().to_array(), direction.as_vec3().to_array());
         let [x, y, z] = direction;
         let inverse = [slope(x), slope(y), slope(z)];
-        // Rounding origin, direction and each step moves a plane's s by at most 6 u (1 + reach)/|direction|.
+        // Rounding of the origin, the direction and each step changes a plane's s by at most 6 u (1 +
+        // reach)/|direction|.
         let margin = 8.0 * U * (1.0 + reach) + lost;
         let middle = |k: usize| origin[k] * inverse[k];
         let around = |k: usize| inverse[k].abs() * margin;
@@ -96,19 +97,19 @@ impl Local {
         })
     }
 
-    /// s of a limit on t, rounded up.
+    /// The s of a limit on t, rounded up.
     #[inline(always)]
     pub fn s(&self, t: f64) -> f32 {
         (((t * self.per_t - self.start) * (1.0 + 1e-6) + 1e-7) as f32).min(FARTHEST)
     }
 
-    /// t of an s.
+    /// The t of an s.
     #[inline(always)]
     pub fn t(&self, s: f32) -> f64 {
         (f64::from(s) + self.start) / self.per_t
     }
 
-    /// Which of a node's boxes the ray meets before s, a bit each, and where it enters them.
+    /// The boxes of a node that the ray enters before s, as bits, and the s where it enters each.
     #[inline(always)]
     fn boxes<L: Lanes>(&self, node: &[Line; NODE], s: L) -> (u32, L) {
         let [x, y, z] = self.first;
@@ -137,7 +138,7 @@ fn slope(d: f32) -> f32 {
     1.0 / if d.abs() < 1e-18 { 1e-18f32.copysign(d) } else { d }
 }
 
-/// Where a ray enters a box, in f64, a little before it; `None` where it misses.
+/// The t at which a ray enters a box, in f64 and a little too small; `None` if it misses the box.
 #[inline(always)]
 fn enter(origin: DVec3, direction: DVec3, frame: &Frame, bounds: &Bounds) -> Option<f64> {
     let slope = |d: f64| if d.abs() < 1e-30 { 1e-30f64.copysign(d) } else { d };
@@ -150,22 +151,22 @@ fn enter(origin: DVec3, direction: DVec3, frame: &Frame, bounds: &Bounds) -> Opt
     (near <= far + slack).then_some((near - slack).max(0.0))
 }
 
-/// What is done at a leaf.
+/// What a walk does at a leaf.
 pub(crate) trait Visit<L> {
     /// Takes a leaf's code without [`LEAF`], the ray in the tree's frame, where it enters the leaf's box, the limit
     /// on s rounded up, and the limit on t, which it may lower. True ends the walk.
     fn leaf(&mut self, code: u32, local: &Local, near: f32, s: f32, limit: &mut f64) -> bool;
 }
 
-/// A child that waits for its turn: its code, and where the ray enters its box.
+/// A child that waits to be visited: its code, and the s where the ray enters its box.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Waiting {
     pub code: u32,
     pub near: f32,
 }
 
-/// As many children can wait in the processor's stack; trees of 9 levels need no more, and trees of 18. The smaller the
-/// array, the less has to be cleared for a ray.
+/// Sizes of the arrays of waiting children that fit on the stack: enough for trees of 9 and of 18 levels. A smaller
+/// array is cleared faster, which every ray has to do.
 const FEW: usize = 64;
 const USUAL: usize = 128;
 
@@ -192,7 +193,7 @@ pub(crate) fn walk<L: Lanes, const ANY: bool, V: Visit<L>>(
     walk_with::<L, ANY, V>(tree, ray, limit, visitor, waiting)
 }
 
-/// The lane of the lowest bit, which is taken away.
+/// Removes the lowest bit and returns its lane.
 #[inline(always)]
 pub(crate) fn next(hits: &mut u32) -> usize {
     let lane = hits.trailing_zeros() as usize & 7;

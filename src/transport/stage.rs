@@ -1,7 +1,6 @@
-//! A world ready for rays: what a ray meets first, and what the surface is like there.
+//! A world prepared for rays: what a ray hits first, and the properties of the surface there.
 //!
-//! Both CPU renderers stand on this: the direct-light reference ([`super::render`]) and the path tracer
-//! ([`super::path`]).
+//! Both CPU renderers use it: the direct-light reference ([`super::render`]) and the path tracer ([`super::path`]).
 
 use super::accelerate::{Forest, Hit, Ray, Shape, fetch};
 use super::foliar::Foliar;
@@ -9,31 +8,32 @@ use super::lookup::{Taps, texels};
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
-/// A world with its box trees built.
+/// A world with its trees of boxes.
 pub(super) struct Stage<'a> {
     pub world: &'a World,
     forest: Forest,
     repeat: Option<Repeat>,
-    /// The instance of the world that each of the forest's stands for.
+    /// For each instance of the forest, the index of the world's instance. Where the world repeats, several have the
+    /// same.
     instance: Vec<usize>,
-    /// Local → world rotation of an instance.
+    /// The local → world rotation of each instance.
     turn: Vec<DMat3>,
-    /// How far a ray that leaves a blade starts off it (mm).
+    /// Distance (mm) between a blade and the start of a ray that leaves it.
     step: f64,
 }
 
-/// What decides whether a ray sees the front or the back.
+/// How it is decided whether a ray sees the front or the back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SideBy {
-    /// The mesh's interpolated normal, as the GPU renderer has it.
+    /// By the mesh's interpolated normal, like the GPU renderer.
     SmoothNormal,
-    /// The triangle itself, front where its corners run anticlockwise. Light cannot then pass from one side to the
-    /// other unseen. An interpolated normal that points the other way is turned round.
+    /// By the triangle itself, whose front is where its corners run anticlockwise. So light cannot pass unnoticed from
+    /// one side to the other. An interpolated normal that points away is reversed.
     Triangle,
 }
 
 impl<'a> Stage<'a> {
-    /// `world` must have been validated.
+    /// `world` must have passed [`World::validate`].
     pub fn new(world: &'a World) -> Stage<'a> {
         let shape = |l: &ReferenceLeaf| Shape::with_solid(&l.mesh.positions, &l.mesh.indices, |t| solid(l, t));
         let shapes = world.leaves.iter().map(shape).collect();
@@ -44,7 +44,7 @@ impl<'a> Stage<'a> {
         }
         let forest = Forest::new(shapes, &placed);
         let turn = world.instances.iter().map(rotation).collect();
-        // Far from the origin coordinates are coarser than the scene is small.
+        // Far from the origin, the spacing of floating-point coordinates matters more than the size of the scene.
         let farthest = forest.bounds().map_or(0.0, |[low, high]| low.abs().max(high.abs()).max_element());
         let step = 1e-9 * forest.extent().max(farthest);
         let repeat = world
@@ -54,17 +54,17 @@ impl<'a> Stage<'a> {
         Stage { world, forest, repeat, instance, turn, step }
     }
 
-    /// The leaf that an instance shows.
+    /// The leaf of an instance.
     pub fn leaf(&self, instance: usize) -> &'a ReferenceLeaf {
         &self.world.leaves[self.world.instances[instance].leaf]
     }
 
-    /// The model of B1 that an instance is drawn by, where it is.
+    /// The B1 model of an instance; `None` if it has none.
     pub fn foliar(&self, instance: usize) -> Option<&'a Foliar> {
         self.world.foliar.get(self.world.instances[instance].leaf)?.as_deref()
     }
 
-    /// What a ray meets first.
+    /// The first hit of a ray.
     pub fn nearest(&self, ray: &Ray) -> Option<Met> {
         let find = |ray: &Ray, limit: f64| {
             let mut hit = self.forest.nearest_within(ray, limit, |i, t, b| self.on_leaf(i, t, b))?;
@@ -77,7 +77,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Whether a ray meets anything.
+    /// Whether a ray hits anything.
     pub fn blocked(&self, ray: &Ray) -> bool {
         let find = |ray: &Ray, limit: f64| self.forest.blocked_within(ray, limit, |i, t, b| self.on_leaf(i, t, b));
         match &self.repeat {
@@ -120,24 +120,25 @@ impl<'a> Stage<'a> {
         self.forest.bounds()
     }
 
-    /// How far a ray that leaves a blade starts off it (mm).
+    /// Distance (mm) between a blade and the start of a ray that leaves it.
     pub fn step(&self) -> f64 {
         self.step
     }
 
-    /// A ray in direction `l` (of any length) from a point on a blade with geometric normal `flat`. It starts on the
-    /// side of the triangle that it leaves to, so that the blade never shades itself where it is lit.
+    /// A ray in direction `l` (of any length) from a point on a blade with geometric normal `flat`. It starts on that
+    /// side of the triangle to which it leaves, so that the triangle never shades its own lit side.
     pub fn leave(&self, point: DVec3, flat: DVec3, l: DVec3) -> Ray {
         let side = if flat.dot(l) < 0.0 { -flat } else { flat };
         Ray::new(point + side * self.step, l)
     }
 
-    /// The alpha test: a bilinear mask of at least ½; of a disc, whether the point lies in the circle. `instance` is
-    /// the forest's.
+    /// The alpha test. With a mask, its bilinear value has to be at least ½. On a disc, the point has to lie in the
+    /// circle. `instance` counts the forest's instances.
     pub fn on_leaf(&self, instance: usize, triangle: usize, barycentric: [f64; 2]) -> bool {
         let leaf = self.leaf(self.instance[instance]);
         if leaf.mesh.discs {
-            // Squared distance from the centre over that of a corner; the circle has half a corner's distance.
+            // The squared distance from the centre, divided by that of a corner. The circle's radius is half the
+            // distance of a corner.
             let [b, c] = barycentric;
             let a = 1.0 - b - c;
             return a * a + b * b + c * c - a * b - b * c - c * a <= 0.25;
@@ -147,7 +148,7 @@ impl<'a> Stage<'a> {
         Taps::new(uv.x, uv.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
     }
 
-    /// The surface that a ray of unit direction met.
+    /// The surface where a ray (of unit direction) hit.
     pub fn surface(&self, Met { ray, hit }: &Met, by: SideBy) -> Surface<'a> {
         let leaf = self.leaf(hit.instance);
         let turn = self.turn[hit.instance];
@@ -181,36 +182,37 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// How the sun comes through where `surface` shows light from its far side; `None` where the mapped normal's cosine
-    /// says it.
+    /// How the sun's light passes through the leaf at `surface`, from the far side to the viewed one. `None` if no map
+    /// describes it, so that the cosine with the mapped normal applies.
     pub fn sunlit(&self, surface: &Surface) -> Option<&'a Sunlit> {
         self.world.through.get(surface.instance)?.entering[usize::from(!surface.back)].as_ref()
     }
 }
 
-/// What a ray met, and the ray: where the scene repeats, it was moved into the cell around the origin.
+/// A hit and its ray. Where the scene repeats, the ray was shifted into the cell around the origin.
 pub(super) struct Met {
     pub ray: Ray,
     pub hit: Hit,
 }
 
-/// A scene that repeats along x and y: rays are followed through the cell around the origin, and enter it on the other
-/// side where they leave it.
+/// A scene that repeats along x and y. Rays are followed through the cell around the origin. A ray that leaves the cell
+/// enters it again on the opposite side.
 struct Repeat {
     /// Half the period.
     half: [f64; 2],
-    /// Lowest and highest of what there is.
+    /// Lowest and highest z of everything.
     height: [f64; 2],
 }
 
-/// Cells that a ray is followed through; beyond them a level ray is taken to meet nothing.
+/// The largest number of cells through which a ray is followed. A level ray that goes farther counts as hitting
+/// nothing.
 const MOST_CELLS: usize = 100_000;
 
 impl Repeat {
-    /// Tries `find` on the pieces of a ray in turn, each up to where it leaves the cell.
+    /// Calls `find` for one piece of the ray after the other, each up to where it leaves the cell.
     fn follow<T>(&self, ray: &Ray, find: impl Fn(&Ray, f64) -> Option<T>) -> Option<T> {
         let (mut origin, d) = (ray.origin, ray.direction);
-        // Above or below everything no cell is worth a look: on to where the ray comes to its height.
+        // A ray that starts above or below everything is moved directly to the height where it can hit something.
         let away = match d.z > 0.0 {
             true => self.height[0] - origin.z,
             false => self.height[1] - origin.z,
@@ -223,14 +225,14 @@ impl Repeat {
             origin[axis] -= period * ((origin[axis] + self.half[axis]) / period).floor();
         }
         for _ in 0..MOST_CELLS {
-            // To the wall that the ray leaves by.
+            // The distance to the cell's wall at which the ray leaves.
             let wall = |axis: usize| match d[axis] {
                 0.0 => f64::INFINITY,
                 s => ((self.half[axis] * s.signum() - origin[axis]) / s).max(0.0),
             };
             let (x, y) = (wall(0), wall(1));
             let leave = x.min(y);
-            // A little beyond: what lies in the wall's plane belongs to this side.
+            // The limit lies slightly beyond the wall, so that what lies in the wall's plane belongs to this side.
             if let Some(found) = find(&Ray::new(origin, d), leave * (1.0 + 1e-9) + 1e-9) {
                 return Some(found);
             }
@@ -249,8 +251,8 @@ impl Repeat {
     }
 }
 
-/// First and last shift of an instance, in whole periods along x and y, after which it reaches into the cell around the
-/// origin; `None` for a mesh without a vertex.
+/// The first and the last shift of an instance, in whole periods along x and y, with which it reaches into the cell
+/// around the origin; `None` for a mesh without vertices.
 fn shifts(world: &World, placed: &Placement, size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
     let points = world.leaves[placed.leaf].mesh.positions.iter().map(|v| placed.transform.transform_point3(*v));
     let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
@@ -262,13 +264,13 @@ fn shifts(world: &World, placed: &Placement, size: [f64; 2]) -> Option<[[f64; 2]
     })
 }
 
-/// Instances that a world which repeats with this period has in the cell around the origin.
+/// Number of instances in the cell around the origin, for a world that repeats with this period.
 pub(super) fn copies(world: &World, size: [f64; 2]) -> f64 {
     let count = |p| shifts(world, p, size).map_or(0.0, |s| s.iter().map(|[a, b]| (b - a + 1.0).max(0.0)).product());
     world.instances.iter().map(count).sum()
 }
 
-/// These instances, and which of the world's each is.
+/// These instances, and for each the index of the world's instance.
 fn repeated(world: &World, size: [f64; 2]) -> (Vec<(usize, DMat4)>, Vec<usize>) {
     let (mut placed, mut instance) = (Vec::new(), Vec::new());
     for (k, p) in world.instances.iter().enumerate() {
@@ -284,17 +286,18 @@ fn repeated(world: &World, size: [f64; 2]) -> (Vec<(usize, DMat4)>, Vec<usize>) 
     (placed, instance)
 }
 
-/// Where a ray met a leaf. "Viewed" is the side that the ray came from, "far" the other.
+/// A point where a ray hit a leaf. The "viewed" side is the one that the ray came from, and the "far" side is the other
+/// one.
 pub(super) struct Surface<'a> {
     leaf: &'a ReferenceLeaf,
-    /// Which instance was met.
+    /// The instance that was hit.
     pub instance: usize,
     pub point: DVec3,
-    /// Towards where the ray came from.
+    /// Towards the origin of the ray.
     pub view: DVec3,
-    /// The triangle's normal, out of its front.
+    /// The triangle's normal, on its front.
     pub flat: DVec3,
-    /// Whether the back is viewed.
+    /// Whether the back is the viewed side.
     pub back: bool,
     smooth: DVec3,
     front_normal: DVec3,
@@ -305,27 +308,27 @@ pub(super) struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    /// The mesh's interpolated normal on the viewed side.
+    /// The mesh's interpolated normal, on the viewed side.
     pub fn toward_viewer(&self) -> DVec3 {
         if self.back { -self.front_normal } else { self.front_normal }
     }
 
-    /// How the viewed side looks.
+    /// Optical properties of the viewed side.
     pub fn viewed(&self) -> &'a ReferenceSide {
         if self.back { &self.leaf.back } else { &self.leaf.front }
     }
 
-    /// How the far side looks.
+    /// Optical properties of the far side.
     pub fn far(&self) -> &'a ReferenceSide {
         if self.back { &self.leaf.front } else { &self.leaf.back }
     }
 
-    /// The lobe of the gloss.
+    /// The model of the gloss.
     pub fn lobe(&self) -> super::lobe::Lobe {
         self.leaf.lobe
     }
 
-    /// Where the viewed side's maps are looked up, and the far side's.
+    /// Where the maps of the viewed side are read, or of the far side.
     pub fn taps(&self, far: bool) -> Taps {
         Taps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, self.back != far)
     }
@@ -364,23 +367,24 @@ impl<'a> Surface<'a> {
         reflectance(self.viewed(), &self.taps(false))
     }
 
-    /// ρt of a beam that enters the far side.
+    /// ρt of a beam that enters at the far side.
     pub fn rho_t(&self) -> [f64; 3] {
         transmittance(self.far(), &self.taps(true))
     }
 
-    /// ρt of a beam that enters the viewed side.
+    /// ρt of a beam that enters at the viewed side.
     pub fn rho_t_inward(&self) -> [f64; 3] {
         transmittance(self.viewed(), &self.taps(false))
     }
 
-    /// ρs and m of the viewed side, where it is glossy.
+    /// ρs and m of the viewed side; `None` if it is not glossy.
     pub fn gloss(&self) -> Option<([f64; 3], f64)> {
         let taps = self.taps(false);
         self.viewed().gloss.as_ref().map(|g| (taps.colour(&g.rho_s), taps.scalar(&g.m)))
     }
 
-    /// What stands in for ρt times a cosine where maps say how the sun comes through; `rho_t` is [`Surface::rho_t`].
+    /// The factor that replaces ρt times a cosine, where maps describe how the sun's light passes; `rho_t` is
+    /// [`Surface::rho_t`].
     pub fn through(&self, sunlit: &Sunlit, rho_t: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
         match sunlit {
             Sunlit::Factor(map) => {
@@ -411,7 +415,7 @@ fn texture_point(leaf: &ReferenceLeaf, triangle: usize, barycentric: [f64; 2]) -
     a + (b - a) * barycentric[0] + (c - a) * barycentric[1]
 }
 
-/// Whether [`Stage::on_leaf`] holds at every point of a triangle: all texels that its points may look up are on.
+/// Whether [`Stage::on_leaf`] holds at every point of a triangle: all texels that its points can read are on.
 fn solid(leaf: &ReferenceLeaf, triangle: usize) -> bool {
     if leaf.mesh.discs {
         return false;

@@ -1,43 +1,45 @@
-//! Eight f32 side by side: a processor's vector where it has AVX2 and FMA, an array elsewhere.
+//! Arithmetic on eight f32 at a time: with vector instructions where the processor has AVX2 and FMA, with an array
+//! elsewhere.
 
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-/// How many lanes a vector has.
+/// Number of lanes of a vector.
 pub(crate) const WIDTH: usize = 8;
 
-/// A vector of eight f32. Comparisons give a bit a lane, lane 0 in the lowest; a NaN compares false.
+/// A vector of eight f32. Comparisons return one bit for each lane, with lane 0 in the lowest bit. A comparison with
+/// NaN is false.
 pub(crate) trait Lanes: Copy {
     fn splat(x: f32) -> Self;
-    /// From the bits of eight f32.
+    /// Eight f32 from their bits.
     fn load(from: &[u32; WIDTH]) -> Self;
     fn store(self) -> [f32; WIDTH];
     fn add(self, o: Self) -> Self;
     fn sub(self, o: Self) -> Self;
     fn mul(self, o: Self) -> Self;
-    /// self·b + c, rounded once or twice.
+    /// self·b + c, with one rounding or two.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// self·b − c, rounded once or twice.
+    /// self·b − c, with one rounding or two.
     fn mul_sub(self, b: Self, c: Self) -> Self;
     fn div(self, o: Self) -> Self;
     fn min(self, o: Self) -> Self;
     fn max(self, o: Self) -> Self;
-    /// Without the sign.
+    /// The absolute value.
     #[inline(always)]
     fn abs(self) -> Self {
         self.flip(self.sign())
     }
-    /// Only the sign bits.
+    /// Only the sign bits; all other bits are 0.
     fn sign(self) -> Self;
-    /// The sign bits of `o` turn those of self.
+    /// self, with the sign changed where the sign bit of `o` is set.
     fn flip(self, o: Self) -> Self;
-    /// Where self ≤ o.
+    /// The lanes where self ≤ o.
     fn at_most(self, o: Self) -> u32;
-    /// Where the sign bit is set.
+    /// The lanes where the sign bit is set.
     fn signs(self) -> u32;
 }
 
-/// Any processor.
+/// The version for processors without these vector instructions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plain([f32; WIDTH]);
 
@@ -114,17 +116,17 @@ impl Lanes for Plain {
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::Avx2;
 
-/// What the processor can do.
+/// The instruction sets that this program distinguishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// What every processor of this kind has.
+    /// The instructions that every processor of this architecture has.
     Plain,
     /// Vectors of eight with fused multiply–add.
     Avx2,
 }
 
 impl Level {
-    /// What this processor can do.
+    /// The best level of this processor.
     pub fn detect() -> Level {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1") {
@@ -133,19 +135,19 @@ impl Level {
         Level::Plain
     }
 
-    /// This level where the processor has it, else the plain one.
+    /// This level if the processor supports it, otherwise the plain one.
     pub fn available(self) -> Level {
         if self == Level::Avx2 { Level::detect() } else { self }
     }
 }
 
-/// Asks the memory for `LINES` cache lines that will soon be read.
+/// Prefetches `LINES` cache lines that will soon be read.
 #[inline(always)]
 pub(crate) fn prefetch<const LINES: usize, T>(from: *const T) {
     #[cfg(target_arch = "x86_64")]
     for line in 0..LINES {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch reads nothing that a program sees, whatever the address.
+        // SAFETY: a prefetch has no effect that a program can observe, whatever the address.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(from.cast::<i8>().wrapping_add(64 * line)) };
     }
     #[cfg(not(target_arch = "x86_64"))]
@@ -174,7 +176,7 @@ macro_rules! dispatch {
                 $function::<$crate::lanes::Avx2, $($flag,)* $($generic),*>($($arg),*)
             }
             match $level {
-                // SAFETY: `Level::available` saw the instruction set on this processor.
+                // SAFETY: `Level::available` checked that this processor has the instruction set.
                 $crate::lanes::Level::Avx2 => unsafe { avx2::<$($flag,)* $($generic),*>($($arg),*) },
                 $crate::lanes::Level::Plain => {
                     $function::<$crate::lanes::Plain, $($flag,)* $($generic),*>($($arg),*)

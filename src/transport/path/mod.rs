@@ -1,12 +1,13 @@
-//! The path tracer: light between leaves by following rays from the camera, with no limit to how often they turn.
+//! The path tracer: light between leaves, by following rays from the camera through any number of scatterings.
 //!
-//! Radiance is estimated by unidirectional paths (Kajiya 1986; Pharr, Jakob & Humphreys 2023, §13–14): at every point a
-//! direction towards sun or sky is drawn (next-event estimation) and one by the surface itself; where both could have
-//! given the same light, they share it by their densities (Veach & Guibas 1995, balance heuristic). A path ends at
-//! random in proportion to what it still carries (Russian roulette), which does not bias the mean.
+//! Radiance is estimated by unidirectional paths (Kajiya 1986; Pharr, Jakob & Humphreys 2023, §13–14). At every point
+//! one direction is drawn towards sun or sky (next-event estimation), and one from the surface's scattering. Where both
+//! could find the same light, each gets a share according to the densities (Veach & Guibas 1995, balance heuristic). A
+//! path ends at random, with a probability that grows as the light that it carries decreases (Russian roulette). This
+//! leaves the mean unbiased.
 //!
-//! All arithmetic is f64. Limits: surfaces only (no mist, no light inside a blade from one texel to another but for the
-//! translucency maps of sunlight); nothing shines but sun, sky and environment.
+//! All arithmetic is f64. Limits: only surfaces scatter, so there is no mist. Inside a blade, light moves from one
+//! texel to another only in the translucency maps of sunlight. Only sun, sky and environment emit light.
 
 mod branch;
 mod canopy;
@@ -34,20 +35,20 @@ pub use samples::MOST_PATHS;
 pub(crate) use samples::Samples;
 use scatter::Scatter;
 
-/// How directions are drawn towards light. All have the same mean; that they do is a test of each.
+/// How directions towards light are drawn. All strategies have the same mean, which serves as a test of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Strategy {
-    /// By lights and surfaces, each where it is better.
+    /// From lights and from surfaces, with each weighted where it is better.
     #[default]
     Both,
-    /// By lights alone; a mirror-like gloss is noisy.
+    /// Only from lights. A gloss close to a mirror is then noisy.
     Lights,
-    /// By surfaces alone; a small sun is found rarely, one without extent never.
+    /// Only from surfaces. A small sun is then found rarely, and one without extent never.
     Surfaces,
 }
 
 impl Strategy {
-    /// The share of light that falls to a draw by a light with density `light`, where the surface's is `surface`.
+    /// The weight of light that was drawn from a light with density `light`, where the surface's density is `surface`.
     fn light(self, light: f64, surface: impl FnOnce() -> f64) -> f64 {
         match self {
             Strategy::Both => light / (light + surface()),
@@ -56,7 +57,7 @@ impl Strategy {
         }
     }
 
-    /// The share of light that falls to a draw by a surface.
+    /// The weight of light that was drawn from a surface.
     fn surface(self, surface: f64, light: impl FnOnce() -> f64) -> f64 {
         match self {
             Strategy::Both => surface / (surface + light()),
@@ -66,13 +67,14 @@ impl Strategy {
     }
 }
 
-/// A path is cut off after this many scatterings: between surfaces that absorb nothing it might never end.
+/// A path is cut off after this many scatterings. Between surfaces that absorb nothing it might never end.
 pub const MOST_SCATTERINGS: u32 = 20_000;
 
-/// The first turns are always followed: they matter most, and a short path costs little.
+/// The first turns are always followed. They matter most, and a short path costs little.
 const FOLLOWED: u32 = 2;
 
-/// Russian roulette: whether a path goes on, by the most that it carries; it then carries as much more.
+/// Russian roulette: returns whether a path goes on. The probability is the largest channel that it carries, at most 1,
+/// and what it carries is divided by that probability.
 fn goes_on(carried: &mut [f64; 3], samples: &mut Samples) -> bool {
     let share = carried.iter().fold(0.0, |a: f64, b| a.max(*b)).min(1.0);
     *carried = carried.map(|c| c / share);
@@ -85,38 +87,38 @@ const SIDE_BY_SIDE: u32 = 256;
 /// A path that carries more than this is cut off.
 const MOST_CARRIED: f64 = 1e6;
 
-/// How far paths are followed.
+/// How paths are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Paths {
-    /// The most scatterings; 1 is direct light alone, `None` follows paths until they end by themselves.
+    /// The largest number of scatterings: 1 is direct light alone. With `None` paths end only at random.
     pub bounces: Option<u32>,
     /// How directions are drawn.
     pub strategy: Strategy,
 }
 
-/// A world ready to be traced.
+/// A world prepared for path tracing.
 pub struct Tracer<'a> {
     pub(crate) stage: Stage<'a>,
     lights: Lights,
     paths: Paths,
 }
 
-/// What is seen along a line of sight.
+/// The light along a line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
-    /// Radiance, a channel each.
+    /// Radiance of each channel.
     pub radiance: [Estimate; 3],
-    /// Whether paths were cut off, whose light is missing.
+    /// Whether paths were cut off, so that their light is missing.
     pub cut: bool,
 }
 
-/// What one path brought back.
+/// The result of one path.
 #[derive(Debug, Clone, Copy, Default)]
 struct Brought {
     radiance: [f64; 3],
-    /// Whether the first ray met a leaf.
+    /// Whether the camera's ray hit a leaf.
     met: bool,
-    /// Whether it was cut off: at [`MOST_SCATTERINGS`], or because it carried more than [`MOST_CARRIED`].
+    /// Whether the path was cut off: at [`MOST_SCATTERINGS`], or because it carried more than [`MOST_CARRIED`].
     cut: bool,
 }
 
@@ -128,12 +130,12 @@ impl<'a> Tracer<'a> {
         Ok(Tracer { stage: Stage::new(world), lights: Lights::new(world), paths })
     }
 
-    /// What is traced.
+    /// The world that is traced.
     pub fn world(&self) -> &'a World {
         self.stage.world
     }
 
-    /// What is seen along one line of sight, from `paths` paths.
+    /// The light along one line of sight, estimated from `paths` paths.
     pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> Seen {
         let ray = Ray::new(eye, direction.normalize_or_zero());
         let [r, g, b, cut] = estimate::estimate(seed, paths, |samples| {
@@ -143,7 +145,8 @@ impl<'a> Tracer<'a> {
         Seen { radiance: [r, g, b], cut: cut.mean > 0.0 }
     }
 
-    /// What a ray sees that meets nothing: the background under a constant sky, else the sky, and the sun's disk.
+    /// The radiance along a ray that hits nothing: the background where the sky is constant, otherwise the sky, and the
+    /// sun's disk.
     fn background(&self, d: DVec3) -> [f64; 3] {
         let world = self.stage.world;
         if let Some(dome) = &world.dome {

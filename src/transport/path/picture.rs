@@ -1,11 +1,12 @@
-//! A picture that grows: every pixel's mean radiance and its standard error, from independent randomisations.
+//! A picture that is drawn in rounds: every pixel's mean radiance and its standard error, from independent
+//! randomisations.
 //!
-//! A round gives every pixel the same number of paths from one scrambled sequence of its own. Rounds are independent of
-//! each other, so that the scatter of their means tells the error, whatever the correlation of points within one. Of P
-//! rounds with n_p paths and means m_p (their mean m is weighted by n_p) the standard error is
-//! √(Σ n_p (m_p − m)²/((P − 1) Σ n_p)).
+//! A round gives every pixel the same number of paths, from one scrambled sequence of its own. Paths within a round are
+//! correlated, but rounds are independent of each other. So the scatter of their means gives the error. For P rounds
+//! with n_p paths and means m_p, whose mean weighted by n_p is m, the standard error is √(Σ n_p (m_p − m)²/((P − 1) Σ
+//! n_p)).
 //!
-//! Means and sums are kept in f32 after every round, so that a picture that was stored and read again goes on to the
+//! Means and sums are rounded to f32 after every round. So a picture that was stored and read again continues with the
 //! same bits.
 
 use super::samples::{MOST_PATHS, Samples};
@@ -20,65 +21,65 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// When a picture is done.
+/// When drawing ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
-    /// Camera paths a pixel; `None` goes on until `error` is reached.
+    /// Camera paths for each pixel; with `None` drawing goes on until `error` is reached.
     pub samples: Option<u32>,
-    /// Median relative error ([`Picture::median_error`]) at which it stops before.
+    /// Median relative error ([`Picture::median_error`]) at which drawing ends earlier.
     pub error: Option<f64>,
 }
 
-/// Everything that decides a picture's bits, besides the world.
+/// Everything that determines a picture's bits, besides the tracer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
-    /// Who looks.
+    /// The camera.
     pub camera: Camera,
-    /// Pixels a row, and rows.
+    /// Width and height in pixels.
     pub size: [usize; 2],
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// When it is done.
+    /// When drawing ends.
     pub target: Target,
 }
 
-/// Where a picture stands.
+/// How drawing ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// As many paths, or as small an error, as was asked for.
+    /// The number of paths or the error that was requested is reached.
     Done,
-    /// A stop was asked for; what there is can be continued.
+    /// A stop was requested; the picture can be continued.
     Stopped,
 }
 
-/// What every pixel has gathered so far; row-major, row 0 on top.
+/// What has been drawn so far; row-major, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Pixels a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Mean radiance.
     pub mean: Vec<[f32; 3]>,
     /// Σ n_p (m_p − m)².
     spread: Vec<[f32; 3]>,
-    /// Paths a pixel and rounds, a row each.
+    /// Number of paths of each pixel and number of rounds, for each row.
     done: Vec<[u32; 2]>,
-    /// Whether any path of the pixel met a leaf.
+    /// Whether any path of the pixel hit a leaf.
     met: Vec<bool>,
-    /// Paths that were cut off at [`super::MOST_SCATTERINGS`]: their light is missing.
+    /// Number of paths that were cut off because they scattered too often or carried too much. Their light is missing.
     pub cut: u64,
 }
 
-/// Paths a round where only an error is asked for.
+/// Paths of a pixel in a round, where only an error is requested.
 const ROUND: u32 = 16;
 /// Rounds before an error is trusted to end a picture.
 const LEAST_ROUNDS: u32 = 4;
-/// Time between two calls of the function that stores a picture in the making.
+/// Time between two calls of the function that stores an unfinished picture.
 const STORE_EVERY: Duration = Duration::from_secs(30);
 
 impl Picture {
-    /// A picture without a path.
+    /// A picture without any paths yet.
     pub fn new(width: usize, height: usize) -> Picture {
         let pixels = width * height;
         Picture {
@@ -92,31 +93,31 @@ impl Picture {
         }
     }
 
-    /// Bytes that a picture of this size takes while it is drawn and written.
+    /// Bytes of memory for a picture of this size while it is drawn and written.
     pub fn bytes(width: usize, height: usize) -> u64 {
         (width * height) as u64 * 120
     }
 
-    /// The least and the most paths of a pixel.
+    /// The smallest and the largest number of paths of a pixel.
     pub fn paths(&self) -> [u32; 2] {
         let each = || self.done.iter().map(|d| d[0]);
         [each().min().unwrap_or(0), each().max().unwrap_or(0)]
     }
 
-    /// Paths of all pixels together.
+    /// Number of paths of all pixels together.
     pub fn total_paths(&self) -> u64 {
         self.done.iter().map(|d| u64::from(d[0]) * self.width as u64).sum()
     }
 
-    /// Standard error of the mean of pixel `k`; NaN where fewer than two rounds are done: it is undetermined.
+    /// Standard error of the mean of pixel `k`. It is undetermined, and NaN, with fewer than two rounds.
     pub fn error(&self, k: usize) -> [f32; 3] {
         let [paths, rounds] = self.done[k / self.width].map(f64::from);
         self.spread[k]
             .map(|s| if rounds < 2.0 { f32::NAN } else { (f64::from(s) / (rounds - 1.0) / paths).sqrt() as f32 })
     }
 
-    /// The median over the pixels that show a leaf of the error over the radiance, each averaged over the channels;
-    /// `None` where it is undetermined: one round, or nothing to see.
+    /// Median, over the pixels that show a leaf, of the error relative to the radiance, each averaged over the
+    /// channels. `None` where it is undetermined: after one round, or where no leaf is seen.
     pub fn median_error(&self) -> Option<f64> {
         let mean = |c: [f32; 3]| c.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mut all: Vec<f64> = (0..self.mean.len())
@@ -128,8 +129,8 @@ impl Picture {
         (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
     }
 
-    /// Goes on until the target is met or a stop is asked for. `store` is called now and then, and at the end, with
-    /// what there is.
+    /// Draws until the target is reached or a stop is requested. `store` is called with the current picture from time
+    /// to time, and at the end.
     ///
     /// # Errors
     /// [`Error::Usage`] for an empty picture, no samples, or a camera that looks nowhere; those of `store`.
@@ -152,7 +153,7 @@ impl Picture {
         let (mut bar, before) = (None, self.total_paths());
         loop {
             let plan: Vec<Option<u32>> = self.done.iter().map(|d| next_round(*d, request.target)).collect();
-            // Where nothing is to be seen there is no error to wait for.
+            // Where no leaf is seen, there is no error to wait for.
             let reached = || request.target.error.is_some_and(|e| self.median_error().is_none_or(|now| now <= e));
             let level = self.done.iter().all(|d| *d == self.done[0]);
             if plan.iter().all(Option::is_none)
@@ -162,7 +163,7 @@ impl Picture {
                 return Ok(Progress::Done);
             }
             let bar = bar.get_or_insert_with(|| self.bar(what, request.target));
-            // Rows that are behind come first.
+            // The rows with the fewest rounds come first.
             let least = (0..height).filter(|j| plan[*j].is_some()).map(|j| self.done[j][1]).min().unwrap_or(0);
             let rows: Vec<(usize, u32)> = (0..height)
                 .filter(|j| self.done[*j][1] == least)
@@ -195,18 +196,18 @@ impl Picture {
         }
     }
 
-    /// How many paths this run will have followed when the error is as small as is asked for; `None` where only a
-    /// number of paths is asked for, or the error is not known yet. Half the error takes four times the paths.
+    /// The number of paths after which the error will probably be as small as requested. `None` if only a number of
+    /// paths is requested, or if the error is not known yet. Half the error needs four times the paths.
     fn expected(&self, target: Target, followed: u64) -> Option<u64> {
         let ratio = self.median_error()? / target.error.filter(|_| target.samples.is_none())?;
         let wanted = self.total_paths() as f64 * ratio * ratio;
-        // Whole rounds, and no fewer than an error is trusted after.
+        // A whole number of rounds, and at least the number from which on an error can end a picture.
         let round = (self.width * self.height) as f64 * f64::from(ROUND);
         let wanted = (wanted / round).ceil().max(f64::from(LEAST_ROUNDS)) * round;
         Some(followed + (wanted as u64).saturating_sub(self.total_paths()))
     }
 
-    /// A bar over the paths that are still to be followed; where only an error is asked for, nobody knows how many.
+    /// A progress bar over the remaining paths. Where only an error is requested, their number is not known.
     fn bar(&self, what: &str, target: Target) -> Bar {
         match target.samples {
             Some(samples) => {
@@ -217,7 +218,7 @@ impl Picture {
         }
     }
 
-    /// Adds a round of row `j` (West 1979: weighted mean and sum of squares, updated in turn).
+    /// Adds a round of row `j`. Weighted mean and sum of squares are updated by the method of West 1979.
     pub(super) fn take(&mut self, j: usize, paths: u32, row: &[Brought]) {
         let weight = f64::from(paths);
         let total = f64::from(self.done[j][0]) + weight;
@@ -234,7 +235,7 @@ impl Picture {
         self.done[j] = [self.done[j][0] + paths, self.done[j][1] + 1];
     }
 
-    /// Writes R, G, B (radiance) and error.R, .G, .B.
+    /// Writes R, G, B (radiance) and their standard errors error.R, error.G, error.B.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file.
@@ -249,7 +250,7 @@ impl Picture {
         write_exr(path, &maps, Packing::Zip)
     }
 
-    /// Writes everything that [`Picture::restore`] needs to go on.
+    /// Writes everything that [`Picture::restore`] needs to continue.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file.
@@ -264,7 +265,7 @@ impl Picture {
             maps.push(name, (0..self.mean.len()).map(|k| self.done[row(k)][q] as f32).collect());
         }
         maps.push("met", self.met.iter().map(|m| f32::from(u8::from(*m))).collect());
-        // A count beyond what a float holds exactly is a ruined picture anyway.
+        // A count that f32 cannot hold exactly occurs only in a picture that is useless anyway.
         maps.push("cut", vec![self.cut as f32; self.mean.len()]);
         write_exr(path, &maps, Packing::Zip)
     }
@@ -297,8 +298,8 @@ impl Picture {
     }
 }
 
-/// Rounds of a picture of so many paths a pixel: enough to tell an error, each long enough to cover its dimensions
-/// evenly.
+/// Number of rounds of a picture with so many paths for each pixel: enough rounds for a good error, each long enough to
+/// cover its dimensions evenly.
 fn rounds_of(target: Target) -> u32 {
     match target.samples {
         Some(samples) => {
@@ -309,23 +310,23 @@ fn rounds_of(target: Target) -> u32 {
     }
 }
 
-/// How many paths the next round of a row has that has `[paths, rounds]`; `None` where it is done.
+/// Number of paths of the next round of a row with `[paths, rounds]`; `None` where the row is finished.
 fn next_round([paths, rounds]: [u32; 2], target: Target) -> Option<u32> {
     let Some(samples) = target.samples else { return Some(ROUND) };
     let left = samples.checked_sub(paths).filter(|n| *n > 0)?;
     let of = |samples: u32, count: u32, k: u32| samples / count + u32::from(k < samples % count);
-    // A row that was begun for the same number of paths goes on where it was.
+    // A row that was begun for the same number of paths continues with the next of the same rounds.
     let count = rounds_of(target);
     let begun: u64 = (0..rounds.min(count)).map(|k| u64::from(of(samples, count, k))).sum();
     if rounds < count && begun == u64::from(paths) {
         return Some(of(samples, count, rounds));
     }
-    // One that was begun for another number has rounds of the same size added, or of twice the size where they were
-    // small: the scatter of means of about the same size tells the same.
+    // A row that was begun for another number of paths gets rounds of the same size, or of twice the size if they were
+    // small. Means of rounds of about the same size have about the same scatter.
     Some((paths / rounds.max(1)).max(of(samples, count, 0).min(2 * paths / rounds.max(1))).clamp(1, left))
 }
 
-/// A seed of its own for every round of every pixel.
+/// A different seed for every round of every pixel.
 pub(super) fn pixel_seed(seed: u64, pixel: usize, round: u32) -> u32 {
     scramble(mix(seed, pixel as u64), u64::from(round))
 }
