@@ -186,7 +186,7 @@ impl<A: Accept> Found for Any<A> {
 #[inline(always)]
 fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, found: &mut F) -> bool {
     if forest.placed.len() == 1 {
-        // A single instance needs no tree above its own.
+        // A single instance needs no tree of instances.
         return enter::<L, ANY, F>(forest, 0, ray, 0.0, &mut limit, found);
     }
     let Some(local) = Local::new(ray, 0.0, &forest.tree.frame, &forest.tree.bounds) else { return false };

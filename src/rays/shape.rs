@@ -98,17 +98,17 @@ pub(crate) struct Met {
 /// Number of triangles that can wait for their f64 test.
 const LATER: usize = 8;
 
-/// What a ray has met of an instance so far.
+/// The triangles of an instance that a ray has tried so far.
 ///
-/// A solid triangle that is met for sure lowers the limit at once, to what f32 says, and is decided in f64 when the walk
-/// is over: by then its corners have come from memory. What is found does not change, because every triangle that may be
-/// as near is decided too.
+/// Where f32 is sure that a solid triangle is hit, it lowers the limit at once to the largest distance that f32 allows.
+/// The f64 test follows when the walk is over; by then the triangle's corners have arrived from memory. The result
+/// stays the same, because every other triangle that may be as near is tested too.
 pub(crate) struct Tried {
     /// In the shape's own space.
     ray: Ray,
-    /// Made when the first triangle needs it.
+    /// Computed when the first triangle needs it.
     sheared: Option<Sheared>,
-    /// Numbers of the triangles that wait, the first `waiting` of them.
+    /// Numbers of the triangles that wait; only the first `waiting` are valid.
     later: [u32; LATER],
     waiting: usize,
 }

@@ -22,18 +22,18 @@ pub(crate) struct Local {
     pub tolerance: Tolerance,
     /// 1/direction.
     inverse: [f32; 3],
-    /// origin/direction, made larger for the planes where a ray enters and smaller for those where it leaves, by what
-    /// rounding can move them.
+    /// origin/direction for the planes where the ray enters a box, and for those where it leaves it. The first is made
+    /// larger and the second smaller, by the largest change that rounding can cause.
     entering: [f32; 3],
     leaving: [f32; 3],
-    /// Which of low and high the ray meets first, an axis each.
+    /// Whether the ray reaches the low plane (0) or the high one (1) first, for each axis.
     first: [usize; 3],
     per_t: f64,
     start: f64,
 }
 
 impl Local {
-    /// In the place of a ray that is not known yet.
+    /// A placeholder where no ray is known yet.
     pub const NONE: Local = Local {
         origin: [0.0; 3],
         direction: [0.0; 3],
@@ -46,7 +46,7 @@ impl Local {
         start: 0.0,
     };
 
-    /// `None` where the ray misses the tree's box, or goes nowhere. `from` is a t before which the ray meets nothing.
+    /// `None` if the ray misses the tree's box, or has no usable direction. The ray hits nothing before t = `from`.
     #[inline(always)]
     pub fn new(ray: &Ray, from: f64, frame: &Frame, bounds: &Bounds) -> Option<Local> {
         let longest = ray.direction.abs().max_element();
@@ -132,7 +132,7 @@ impl Local {
     }
 }
 
-/// 1/d; a tiny slope instead of none keeps 0·∞ out, and moves the ray within the box by less than the margin.
+/// 1/d. A tiny slope replaces 0, which avoids 0·∞. Within the box it moves the ray by less than the margin.
 #[inline(always)]
 fn slope(d: f32) -> f32 {
     1.0 / if d.abs() < 1e-18 { 1e-18f32.copysign(d) } else { d }
@@ -153,8 +153,8 @@ fn enter(origin: DVec3, direction: DVec3, frame: &Frame, bounds: &Bounds) -> Opt
 
 /// What a walk does at a leaf.
 pub(crate) trait Visit<L> {
-    /// Takes a leaf's code without [`LEAF`], the ray in the tree's frame, where it enters the leaf's box, the limit
-    /// on s rounded up, and the limit on t, which it may lower. True ends the walk.
+    /// Takes a leaf's code without [`LEAF`], the ray in the tree's frame, the s where it enters the leaf's box, the
+    /// limit on s (rounded up), and the limit on t, which it may lower. Returns true to end the walk.
     fn leaf(&mut self, code: u32, local: &Local, near: f32, s: f32, limit: &mut f64) -> bool;
 }
 

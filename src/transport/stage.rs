@@ -86,7 +86,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// What each of many rays meets first; faster than one by one where the rays differ and there is much to meet.
+    /// The first hit of each of many rays. This is faster than one by one where the rays differ and the scene is large.
     pub fn nearest_of_each(&self, rays: &[Ray]) -> Vec<Option<Met>> {
         if self.repeat.is_some() {
             return rays.iter().map(|ray| self.nearest(ray)).collect();
@@ -98,12 +98,12 @@ impl<'a> Stage<'a> {
         rays.iter().zip(hits).map(met).collect()
     }
 
-    /// Asks the memory for the corners' numbers that [`Stage::surface`] will read.
+    /// Fetches from memory, ahead of time, the corners' numbers that [`Stage::surface`] will read.
     pub fn fetch_corners(&self, met: &Met) {
         fetch(&self.leaf(met.hit.instance).mesh.indices[3 * met.hit.triangle..][..3]);
     }
 
-    /// Asks the memory for what [`Stage::surface`] will read of the corners.
+    /// Fetches from memory, ahead of time, the corners' normals and texture points that [`Stage::surface`] will read.
     pub fn fetch_surface(&self, met: &Met) {
         let leaf = self.leaf(met.hit.instance);
         for k in corners(leaf, met.hit.triangle) {
@@ -114,8 +114,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Lowest and highest corner of what there is, in the cell around the origin where it repeats; `None` where there
-    /// is nothing.
+    /// Lowest and highest corner of everything. Where the scene repeats, this is its content in the cell around the
+    /// origin. `None` if there is nothing.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         self.forest.bounds()
     }

@@ -154,7 +154,7 @@ pub(crate) fn prefetch<const LINES: usize, T>(from: *const T) {
     let _ = from;
 }
 
-/// Asks the memory for numbers that will soon be read: at most two cache lines of them.
+/// Fetches numbers from memory, ahead of time: at most two cache lines of them.
 #[inline]
 pub fn fetch<T>(soon: &[T]) {
     let (from, bytes) = (soon.as_ptr().cast::<u8>(), size_of_val(soon));
@@ -162,7 +162,7 @@ pub fn fetch<T>(soon: &[T]) {
     prefetch::<1, _>(from.wrapping_add(bytes.saturating_sub(1)));
 }
 
-/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `level`:
+/// Compiles a generic `#[inline(always)]` function for each instruction set, and calls the version for `level`:
 /// `dispatch!(level, [flags], [generics] function(arg: Type, …) -> Return)`.
 macro_rules! dispatch {
     (

@@ -73,7 +73,7 @@ pub struct Picture {
 
 /// Paths of a pixel in a round, where only an error is requested.
 const ROUND: u32 = 16;
-/// Rounds before an error is trusted to end a picture.
+/// Number of rounds from which on an error can end a picture. With fewer it is too uncertain.
 const LEAST_ROUNDS: u32 = 4;
 /// Time between two calls of the function that stores an unfinished picture.
 const STORE_EVERY: Duration = Duration::from_secs(30);
