@@ -71,7 +71,7 @@ impl Layout {
     }
 
     /// Whether an instance has rows of its own.
-    pub(crate) fn is_own(&self, instance: usize) -> bool {
+    pub fn is_own(&self, instance: usize) -> bool {
         self.each[instance] > 0
     }
 

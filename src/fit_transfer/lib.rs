@@ -143,6 +143,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let sun = maker.phase("sun", || scene.sun.as_ref().map(|sun| sun.maps(world)).transpose())?;
     let mut record = maker.record(&scene.name);
     describe(&mut record, &layout, options, &errors, entries.len());
+    store::note(&mut record, &scene.seen);
     if let Some(maps) = &sun {
         let section = record.sections.entry("sun".into()).or_default();
         section.counts.insert("directions".into(), maps.directions().len());

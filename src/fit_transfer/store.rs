@@ -41,16 +41,20 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// Reads the transfer in `folder`; `None` where it was made for another scene, other light or other options.
+    /// Reads the transfer in `folder`; `None` where it was made for another scene, other light or other options. One
+    /// that also holds instances that `scene` does not show will do.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file.
     pub fn open(folder: &Path, scene: &Scene, options: &Options) -> Result<Option<Transfer>> {
         let record = FitRecord::read_as(folder, FitKind::Transfer)?;
-        if record.input_hash != input_hash(scene, options) {
+        let held = Scene { seen: held(&record, scene.world.instances.len()), ..scene.clone() };
+        let has = |seen: &[bool], k: usize| seen.get(k).is_none_or(|s| *s);
+        let all_there = (0..scene.world.instances.len()).all(|k| has(&held.seen, k) || !has(&scene.seen, k));
+        if !all_there || record.input_hash != input_hash(&held, options) {
             return Ok(None);
         }
-        let layout = Layout::new(&scene.world, scene.leaves, &scene.seen, options);
+        let layout = Layout::new(&scene.world, scene.leaves, &held.seen, options);
         let scale = crate::matter::scale(&scene.world, options.columns);
         let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;
         Ok(Some(Transfer {
@@ -64,6 +68,36 @@ impl Transfer {
             record,
         }))
     }
+}
+
+/// What the record calls the instances without entries of their own.
+const LEFT_OUT: &str = "left_out";
+
+/// Writes into the record which instances have no entries of their own: the first one and how many, `3+2 9+1`.
+pub(crate) fn note(record: &mut FitRecord, seen: &[bool]) {
+    let mut runs: Vec<[usize; 2]> = Vec::new();
+    for (k, _) in seen.iter().enumerate().filter(|(_, seen)| !**seen) {
+        match runs.last_mut().filter(|[first, count]| first + count == k) {
+            Some([_, count]) => *count += 1,
+            None => runs.push([k, 1]),
+        }
+    }
+    if !runs.is_empty() {
+        let text: Vec<String> = runs.iter().map(|[first, count]| format!("{first}+{count}")).collect();
+        record.options.insert(LEFT_OUT.into(), text.join(" "));
+    }
+}
+
+/// The inverse of [`note`]: for each of `instances` whether it has entries. Empty where all have.
+fn held(record: &FitRecord, instances: usize) -> Vec<bool> {
+    let Some(text) = record.options.get(LEFT_OUT) else { return Vec::new() };
+    let mut seen = vec![true; instances];
+    for run in text.split(' ') {
+        let numbers = run.split_once('+').and_then(|(first, count)| Some((first.parse().ok()?, count.parse().ok()?)));
+        let (first, count): (usize, usize) = numbers.unwrap_or_default();
+        seen.iter_mut().skip(first).take(count).for_each(|s| *s = false);
+    }
+    seen
 }
 
 /// The entries as an image.

@@ -126,7 +126,13 @@ fn what_is_never_seen_has_no_rows() {
     let (all, entries) = rows(&[]);
     let one = 6 * 6;
     assert_eq!(all, [0, one, 2 * one]);
+    // What holds more than is shown will do, and what holds less will not.
+    let folder = |seen: &[bool]| dir.path().join(format!("{seen:?}"));
+    let some = Scene { seen: vec![false, true, false], ..whole.clone() };
+    let read = Transfer::open(&folder(&[]), &some, &options).unwrap().unwrap();
+    assert_eq!((&read.layout.first, &read.entries), (&all, &entries));
     let (first, middle) = rows(&[false, true, false]);
+    assert!(Transfer::open(&folder(&some.seen), &whole, &options).unwrap().is_none());
     assert_eq!(first, [0; 3]);
     assert_eq!(middle, entries[one..2 * one]);
     // Where no instance of a leaf is seen, one of them has rows all the same.

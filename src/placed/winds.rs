@@ -101,8 +101,8 @@ impl Winds {
         let of_leaves = TEXTURES * flutters.len();
         if leads.len() + of_leaves > MOST_TEXTURES {
             let what = format!(
-                "the sway of the plants' branches needs {} motion textures, because their lengths differ so much, and \
-                 the flutter of leaves needs {of_leaves} more",
+                "a need of {} motion textures for the sway of branches, whose lengths differ so much, and of \
+                 {of_leaves} for the flutter of leaves",
                 leads.len()
             );
             let expected = format!(
@@ -349,7 +349,7 @@ pub(super) mod tests {
         assert!(winds.plants.iter().flatten().all(|p| p.flutter.is_some()));
         (0..22).for_each(|k| manifest.plants[k].flutter = said(k));
         let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
-        assert!(error.contains("and 66 of flutter, expected at most 64 in all"), "{error}");
+        assert!(error.contains("and of 66 for the flutter of leaves, expected at most 64 in all"), "{error}");
         manifest.plants[0].drag_n_s_m3 = 0.0;
         let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
         assert!(error.contains("plant 1: flutter: leaves cannot flutter where no branch sways"), "{error}");

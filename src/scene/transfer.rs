@@ -4,7 +4,8 @@
 
 use crate::draw::reference;
 use crate::loaded::Scene;
-use crate::plan::between::views_decide;
+use crate::plan::between::{ball, unseen, views_decide};
+use crate::plan::levels;
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
@@ -20,6 +21,10 @@ use std::sync::Arc;
 
 /// Number of bands of a glossy leaf under a light that stands still: all that the renderer supports.
 pub(crate) const GLOSS_BANDS: usize = 7;
+
+/// Pixels that the ball around a leaf covers at least where the leaf may count as hidden: a leaf of which one ray a
+/// pixel meets nothing shows little of itself then.
+const HIDEABLE: f64 = 16.0;
 
 /// The options of the scene's transfer; `None` where its plan has none.
 pub fn options(scene: &Scene) -> Option<Options> {
@@ -44,7 +49,7 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     };
     let name = scene.manifest.name.clone();
     let leaves = scene.drawn().count();
-    let seen = shown(scene, &world)?;
+    let seen = shown(scene, &world, ledger)?;
     let of = fit::Scene { name, leaves, world: Arc::new(world), seen, sun: None };
     let wanted = scene.manifest.transfer.as_ref().zip(scene.manifest.sun.as_ref());
     match wanted.filter(|_| scene.plan.light.between.is_some_and(|b| b.sun_visibility)) {
@@ -57,16 +62,25 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
 
 /// For each instance, whether a view shows it. An instance is not shown if it lies outside of every picture, or if other
 /// things hide it in all of them. Wood and ground, which come after the leaves, count as shown.
-fn shown(scene: &Scene, world: &World) -> Result<Vec<bool>> {
+fn shown(scene: &Scene, world: &World, ledger: &Ledger) -> Result<Vec<bool>> {
     let Scene { manifest, placed, .. } = scene;
     if !views_decide(manifest, placed) {
         return Ok(Vec::new());
     }
-    let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-    let cameras: Vec<_> = perspective.map(reference::camera).collect();
-    let size = [manifest.check.width, manifest.check.height].map(|v| v as usize);
-    let mut shown = mesophyll_transport::shown(world, &cameras, size)?;
-    shown.truncate(placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some()).count());
+    let drawn = || placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
+    let mut shown: Vec<bool> = drawn().map(|p| !unseen(manifest, placed, p)).collect();
+    // One ray a pixel misses small leaves that can be seen, so these always count as shown.
+    let eyes = levels::eyes(manifest, placed);
+    let large = |p| ball(placed, p).is_some_and(|ball| eyes.iter().all(|eye| eye.pixels(ball) >= HIDEABLE));
+    let may_hide: Vec<bool> = drawn().zip(&shown).map(|(p, shown)| *shown && large(p)).collect();
+    if may_hide.iter().any(|may| *may) {
+        let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+        let cameras: Vec<_> = perspective.map(reference::camera).collect();
+        let size = [manifest.check.width, manifest.check.height].map(|v| v as usize);
+        let name = format!("{}: leaves that others hide", manifest.name);
+        let seen = ledger.note("look", name, 0, || mesophyll_transport::shown(world, &cameras, size))?;
+        shown.iter_mut().zip(may_hide).zip(seen).for_each(|((shown, may), seen)| *shown &= seen || !may);
+    }
     // If all are shown, the list stays empty. Then the same transfer serves other views.
     Ok(if shown.iter().all(|s| *s) { Vec::new() } else { shown })
 }

@@ -23,6 +23,7 @@ mod made_up;
 pub mod path;
 pub mod quadrature;
 pub mod render;
+mod repeat;
 pub mod scan;
 mod seeds;
 mod shade;

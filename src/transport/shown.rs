@@ -6,12 +6,9 @@ use crate::stage::Stage;
 use crate::world::{Camera, World};
 use rayon::prelude::*;
 
-/// Rays along either edge of a pixel.
-const RAYS: usize = 2;
-
 /// For each of the world's instances, whether any of these cameras sees it in a picture of `width` × `height` pixels.
-/// Two by two rays are sent through every pixel. A sliver that passes between all of them, less than a pixel in each of
-/// the pictures, may be missed.
+/// One ray is sent through the middle of every pixel. What shows less than a pixel may therefore be missed, and a small
+/// thing as a whole.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a world that contradicts itself, [`crate::Error::Usage`] for a camera that looks
@@ -21,14 +18,14 @@ pub fn shown(world: &World, cameras: &[Camera], [width, height]: [usize; 2]) -> 
     let stage = Stage::new(world);
     let mut shown = vec![false; world.instances.len()];
     for camera in cameras {
-        let lens = Lens::new(camera, RAYS * width, RAYS * height)?;
-        let rows: Vec<Vec<bool>> = (0..RAYS * height)
+        let lens = Lens::new(camera, width, height)?;
+        let rows: Vec<Vec<bool>> = (0..height)
             .into_par_iter()
             .fold(
                 || vec![false; world.instances.len()],
                 |mut shown, y| {
                     if !mesophyll_files::progress::stop_requested() {
-                        for x in 0..RAYS * width {
+                        for x in 0..width {
                             if let Some(met) = stage.nearest(&lens.ray(x as f64 + 0.5, y as f64 + 0.5)) {
                                 shown[met.hit.instance] = true;
                             }

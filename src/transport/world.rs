@@ -310,7 +310,7 @@ impl World {
             return bad(format!("ground: instance {ground}, the scene has {}", self.instances.len()));
         }
         if let Some(size) = self.periodic {
-            let copies = super::stage::copies(self, size);
+            let copies = super::repeat::copies(self, size);
             if !(size.iter().all(|s| *s > 0.0 && s.is_finite()) && copies <= MOST_COPIES) {
                 return bad(format!(
                     "periodic: a period of {} × {} mm needs {copies:.0} copies of what stands there, expected at most \

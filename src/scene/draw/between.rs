@@ -26,7 +26,7 @@ pub fn arriving(found: &Transfer, eyes: &[Eye], out: &mut viewer::Scene) {
     // Instances that no view shows share the rows of another instance.
     let mut kept: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     let places = || out.instances.iter().zip(&found.layout.first);
-    for (instance, first) in places() {
+    for (_, (instance, first)) in places().enumerate().filter(|(k, _)| found.layout.is_own(*k)) {
         let (mesh, of) = (&out.meshes[instance.mesh], &found.layout.leaves[instance.mesh]);
         // Wood and ground have one level.
         let level = if chain(of) == 1 { 0 } else { levels::finest(ball(mesh, instance), of.anchors.grid, eyes) };

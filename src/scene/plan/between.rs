@@ -135,7 +135,10 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
         finer += levels::finer(asked.anchors, finest) * rows_an_anchor(gloss[p.leaf], bands.unwrap_or(GLOSS_BANDS));
     }
     if far > 0 {
-        let why = format!("no view comes near enough to {far} leaves to tell their anchors apart: coarser ones do");
+        let why = format!(
+            "no view comes near enough to {far} leaves to tell their anchors apart: coarser ones do; so much at most, \
+             because leaves that others hide have no anchors of their own"
+        );
         let saved = (finer * bands.map_or(1, |b| b * b) * 8) as u64;
         plan.leave_out(LeftOut::new("the finest light at leaves far away", why, saved, None));
     }
@@ -186,7 +189,7 @@ fn may_be_there(manifest: &Manifest, placed: &Placed, bands: Option<usize>) -> b
 }
 
 /// The ball that contains a placement's leaf: centre and radius.
-fn ball(placed: &Placed, p: &Placement) -> Option<(DVec3, f64)> {
+pub fn ball(placed: &Placed, p: &Placement) -> Option<(DVec3, f64)> {
     let (centre, radius) = placed.leaves[p.leaf].mesh.as_ref()?.bounds();
     Some((p.transform.transform_point3(centre), radius * p.transform.x_axis.truncate().length()))
 }

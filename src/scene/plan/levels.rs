@@ -13,6 +13,8 @@ pub struct Eye {
     pub at: DVec3,
     /// The least angle between neighbouring pixels of its pictures (rad).
     pub pixel: f64,
+    /// The angle between pixels in the middle of its pictures (rad), which is the largest one.
+    pub middle: f64,
 }
 
 impl Eye {
@@ -25,7 +27,13 @@ impl Eye {
         let pixels = f64::from(height.max(1));
         let across = up * f64::from(width) / pixels;
         let at = view.eye_mm.map_or(DVec3::ZERO, DVec3::from);
-        Eye { at, pixel: 2.0 * up / pixels / (1.0 + up * up + across * across) }
+        let middle = 2.0 * up / pixels;
+        Eye { at, pixel: middle / (1.0 + up * up + across * across), middle }
+    }
+
+    /// Pixels that a ball of this centre and radius (mm) covers at least, where nothing hides it.
+    pub fn pixels(&self, (centre, radius): (DVec3, f64)) -> f64 {
+        std::f64::consts::PI * (radius / (self.at.distance(centre) * self.middle)).powi(2)
     }
 }
 
@@ -71,12 +79,20 @@ mod tests {
     #[test]
     fn only_levels_that_an_eye_comes_near_are_kept() {
         let at = |far: &[f64]| {
-            let eyes: Vec<Eye> = far.iter().map(|x| Eye { at: DVec3::X * (100.0 + x), pixel: 1e-3 }).collect();
+            let eyes: Vec<Eye> =
+                far.iter().map(|x| Eye { at: DVec3::X * (100.0 + x), pixel: 1e-3, middle: 1e-3 }).collect();
             finest((DVec3::X * 100.0, 30.02), [5, 3], &eyes)
         };
         assert_eq!((at(&[]), at(&[10.0]), at(&[1e6])), (0, 0, 2));
         // Anchors are 30 mm apart across the leaf, which is half a distance for each pixel where a pixel is 15 mm wide.
         assert_eq!((at(&[1.45e4]), at(&[1.55e4]), at(&[1.55e4, 50.0])), (0, 1, 0));
         assert_eq!([0, 1, 2].map(|level| finer([5, 3], level)), [0, 15, 15 + 2]);
+    }
+
+    /// A disc of 10 mm at 1 m, where a pixel is 1 mm wide, covers π·10² pixels.
+    #[test]
+    fn a_ball_covers_as_many_pixels_as_its_disc() {
+        let eye = Eye { at: DVec3::ZERO, pixel: 1e-3, middle: 1e-3 };
+        assert!((eye.pixels((DVec3::X * 1000.0, 10.0)) - 314.159).abs() < 1e-3);
     }
 }

@@ -367,7 +367,7 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
     assert!(Picture::restore(&path, [24, 25]).is_err());
 }
 
-/// A path brings the same, to the last bit, alone and beside others.
+/// A path brings the same, to the last bit, alone and beside others, whose rays take turns. Some leaves have holes.
 #[test]
 fn paths_side_by_side_bring_what_they_bring_alone() {
     let mut world = lit_plates();
@@ -379,8 +379,16 @@ fn paths_side_by_side_bring_what_they_bring_alone() {
         let leaf = world.leaves.len() - 1;
         world.instances.push(Placement { leaf, transform: DMat4::from_rotation_translation(turn, at) });
     }
+    let last = world.leaves.last_mut().unwrap();
+    (last.width, last.height, last.mask) = (3, 3, Some(vec![255, 255, 0, 255, 0, 255, 255, 255, 255]));
+    for side in [&mut last.front, &mut last.back] {
+        let crate::Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("other maps") };
+        let gloss = side.gloss.iter_mut().flat_map(|g| g.rho_s.iter_mut().chain([&mut g.m]));
+        rho_d.iter_mut().chain(rho_t).chain(gloss).for_each(|map| map.resize(9, map[0]));
+    }
     for bounces in [None, Some(3)] {
         let tracer = Tracer::new(&world, Paths { bounces, strategy: Strategy::Both }).unwrap();
+        let tracer = Tracer { stage: tracer.stage.in_turns(), ..tracer };
         let begin = |k: u32| {
             let f = f64::from(k);
             let from = DVec3::new(f.sin() * 20.0, f.cos() * 20.0, 30.0);
