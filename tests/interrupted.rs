@@ -6,8 +6,13 @@ mod blade;
 mod common;
 
 use blade::Blade;
-use common::{mesophyll, refused, run, succeeded};
+use common::{mesophyll, refused, run, scan, succeeded};
+use mesophyll::files::atomic::write_bytes;
 use mesophyll::files::image::read_exr;
+use mesophyll::record::FitKind;
+use mesophyll::record::maker;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -109,27 +114,47 @@ fn crowd(dir: &Path) -> String {
     path.to_str().unwrap().into()
 }
 
+/// A program that is killed when the test ends, however it ends.
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.0.kill().and_then(|()| self.0.wait());
+    }
+}
+
 #[test]
 fn a_stopped_picture_is_one_runs_alone_and_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let scene = crowd(dir.path());
-    let args = |out: &str, more: &[&str]| -> Vec<String> {
+    let sampled = |out: &str, samples: &str, more: &[&str]| -> Vec<String> {
         let out = dir.path().join(out);
-        let all = [&["render", &scene, "-o", out.to_str().unwrap(), "--samples", "128"], more].concat();
+        let all = [&["render", &scene, "-o", out.to_str().unwrap(), "--samples", samples], more].concat();
         all.into_iter().map(String::from).collect()
     };
+    let args = |out: &str, more: &[&str]| sampled(out, "128", more);
     let started = Instant::now();
     succeeded(&run(args("whole", &[])));
     let whole = started.elapsed();
-    // While one run draws, another one is refused; once the first was killed the folder is free.
-    let mut killed = mesophyll().args(args("stopped", &[])).stderr(Stdio::null()).spawn().unwrap();
-    while !dir.path().join("stopped").exists() {
-        std::thread::sleep(Duration::from_millis(2));
+    // While one run draws for hours, another one is refused; once the first was killed the folder is free. The other
+    // one names a view that is not there, so that it ends at once where it comes before the first.
+    let start = || Killed(mesophyll().args(sampled("stopped", "1000000", &[])).stderr(Stdio::null()).spawn().unwrap());
+    let mut drawing = start();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    loop {
+        let other = run(args("stopped", &["--view", "none"]));
+        if String::from_utf8_lossy(&other.stderr).contains("another run") {
+            refused(&other, 2, &["the output folder", "stopped is being written by another run"]);
+            break;
+        }
+        refused(&other, 2, &["--view: found \"none\""]);
+        assert!(Instant::now() < deadline, "the run that draws never had the folder");
+        // The one that draws is refused where it came while the other one had the folder.
+        if drawing.0.try_wait().unwrap().is_some() {
+            drawing = start();
+        }
     }
-    std::thread::sleep(Duration::from_millis(50));
-    refused(&run(args("stopped", &[])), 2, &["the output folder", "stopped is being written by another run"]);
-    killed.kill().unwrap();
-    killed.wait().unwrap();
+    drop(drawing);
     let begun = Instant::now();
     let (output, _, ending) = interrupt(&args("stopped", &[]), || begun.elapsed() > whole / 2);
     refused(&output, 130, &["v: stopped after", "--resume goes on"]);
@@ -144,4 +169,79 @@ fn a_stopped_picture_is_one_runs_alone_and_goes_on_to_the_same_bytes() {
     let list = std::fs::read_dir(dir.path().join("stopped")).unwrap().flatten().map(|e| e.file_name());
     let hidden: Vec<_> = list.filter(|name| name.to_string_lossy().starts_with('.')).collect();
     assert!(hidden.is_empty(), "{hidden:?}");
+}
+
+/// The test takes part as a shard that still writes: it holds the folder's lock.
+#[test]
+fn shards_put_a_fit_together_once_and_wait_for_each_other() {
+    let dir = tempfile::tempdir().unwrap();
+    // One part for each side, so that the first of two shards makes the front and the second one the back.
+    let capture = scan(dir.path(), "elm", &["--size", "24x18", "--frames", "16", "--noise", "0.01", "--seed", "1"]);
+    let out = dir.path().join("fit");
+    let shard = |which: &str| {
+        let [capture, out] = [&capture, &out].map(|path| path.to_str().unwrap().to_string());
+        ["fit", "leaf", &capture, "-o", &out, "--threads", "1", "--shard", which].map(String::from)
+    };
+    // Starts a shard that is not quiet, and reads what it says until it waits.
+    let waiting = |which: &str| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+        program.args(shard(which)).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = Killed(program.spawn().unwrap());
+        let mut said = BufReader::new(child.0.stderr.take().unwrap());
+        let mut line = String::new();
+        while !line.contains("waiting for another run") {
+            line.clear();
+            assert!(said.read_line(&mut line).unwrap() > 0, "shard {which} ended without waiting");
+        }
+        (child, said)
+    };
+    let ended = |(mut child, mut said): (Killed, BufReader<_>)| {
+        let mut rest = String::new();
+        Read::read_to_string(&mut said, &mut rest).unwrap();
+        assert!(child.0.wait().unwrap().success(), "{rest}");
+        rest
+    };
+    std::fs::create_dir(&out).unwrap();
+    let third = File::open(&out).unwrap();
+    third.lock_shared().unwrap();
+    // While parts are missing, a shard waits for nobody.
+    succeeded(&run(shard("1/2")));
+    assert!(!out.join("fit.toml").exists());
+    // Both find all parts, so both wait for the third. Then one finishes the fit, and the other one finds it.
+    let both = [waiting("2/2"), waiting("1/2")];
+    third.unlock().unwrap();
+    let said = both.map(ended);
+    assert_eq!(said.iter().filter(|s| s.contains("already holds this fit")).count(), 1, "{said:?}");
+    // A shard that comes while the fit is put together waits for it.
+    third.lock().unwrap();
+    let late = waiting("1/2");
+    third.unlock().unwrap();
+    assert!(ended(late).contains("already holds this fit"));
+}
+
+#[test]
+fn a_fits_folder_is_one_threads_until_the_fit_has_ended() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("fit");
+    let place = out.clone();
+    let other = |out: &Path| maker::make(FitKind::Beam, out, &[], |maker| maker.made_from("another".into()));
+    maker::make(FitKind::Beam, &out, &[], move |maker| {
+        maker.made_from("one".into())?;
+        let parts = maker.parts("none").to_path_buf();
+        write_bytes(&parts.join("a"), b"a part")?;
+        maker.begin()?;
+        // Of the claims that are refused none frees the folder, nor does the record that is written before the parts go.
+        for finished in [false, false, true, true] {
+            if finished {
+                let record = maker.record("one");
+                maker.finish(&record)?;
+            }
+            assert_eq!(parts.exists(), !finished);
+            let refused = other(&place).unwrap_err();
+            assert!(refused.to_string().contains("is being written by another run"), "{refused}");
+        }
+        Ok(())
+    })
+    .unwrap();
+    other(&out).unwrap();
 }

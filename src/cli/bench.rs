@@ -39,9 +39,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "this build is not optimised, so its times say little; do not compare them with those of other programs",
         );
     }
-    if let Some(folder) = &args.output {
-        claim::folder(folder, Kind::Bench, &[])?;
-    }
+    let claim = |folder: &PathBuf| claim::folder(folder, Kind::Bench, &[]);
+    let _claim = args.output.as_ref().map(claim).transpose()?;
     let steps: u64 = wanted.iter().map(|(_, sweep)| sweep.steps + u64::from(args.peers)).sum();
     let bar = Bar::new("sweeps", steps);
     let mut all: Vec<BenchRow> = Vec::new();

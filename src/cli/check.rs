@@ -49,7 +49,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
     // Fits that are made for goldens alone are small, so they must not take the place of a run's own fits.
     let out = if args.goldens_only { out.join("goldens") } else { out };
-    claim::scene(&out, &args.scene)?;
+    let _claim = claim::scene(&out, &args.scene)?;
     let ledger = Ledger::new();
     if args.goldens_only {
         golden::small_scans(&mut manifest);

@@ -212,7 +212,7 @@ fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<
 /// A scene's plants at rest, with textures of their pivots.
 fn pivots(scene: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     let manifest = with_plants(scene)?;
-    claim::folder(folder, claim::Kind::Pivots, &[scene])?;
+    let _claim = claim::folder(folder, claim::Kind::Pivots, &[scene])?;
     let plant = placed::posed::resting(&manifest, &Ledger::new())?;
     claim::begin(folder, claim::Kind::Pivots)?;
     let written = mesophyll_flora::file::write_pivots(&plant, folder)?;

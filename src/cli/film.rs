@@ -78,7 +78,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
         claim::file(video, &["mp4"], &[&args.scene])?;
     }
-    claim::folder(&folder, claim::Kind::Film, &[&args.scene])?;
+    let _claim = claim::folder(&folder, claim::Kind::Film, &[&args.scene])?;
     let ledger = Ledger::new();
     let mut scene = super::ready::scene(manifest, &folder, &ledger)?;
     scene.find_transfer(&folder, &ledger)?;
@@ -119,7 +119,7 @@ fn ffmpeg(folder: &Path, arguments: &[&str]) -> Result<std::process::Output> {
 fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Result<()> {
     use mesophyll_files::atomic;
     // The video is first made beside the frames, so that a stopped run leaves no strange file where the video goes. The
-    // names are plain, because ffmpeg gives % and : in a path a meaning of its own.
+    // names are plain, because ffmpeg gives % and : in a path a meaning of its own. What a killed run left is replaced.
     const HALF: &str = ".video.partial.mp4";
     let whole = folder.join(HALF);
     let (rate, frames) = (film.fps.to_string(), film.frames.to_string());
@@ -136,8 +136,9 @@ fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Re
     }
     let bytes = std::fs::read(&whole).map_err(|e| Error::input(&whole, atomic::explain(&e)))?;
     let written = atomic::write_bytes(video, &bytes);
-    std::fs::remove_file(&whole).map_err(|e| Error::write(&whole, atomic::explain(&e)))?;
-    written
+    let removed = std::fs::remove_file(&whole).map_err(|e| Error::write(&whole, atomic::explain(&e)));
+    // Where both failed, the user needs to know why there is no video.
+    written.and(removed)
 }
 
 #[cfg(not(feature = "render"))]

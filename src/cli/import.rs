@@ -29,7 +29,7 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let found = import(&args.plant, args.unit)?;
-    claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
+    let _claim = claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
     claim::begin(&args.out, claim::Kind::Import)?;
     table::write(&found, &args.out)?;
     let unattached = found.branches.iter().filter(|b| b.unattached.is_some()).count();

@@ -56,7 +56,7 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
-    claim::folder(&args.out, claim::Kind::Render, &[&args.scene])?;
+    let _claim = claim::folder(&args.out, claim::Kind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
     let scene = super::ready::scene(manifest, &args.out, &ledger)?;
     let options = Options {

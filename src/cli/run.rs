@@ -39,7 +39,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
     manifest.require_limits()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&manifest.name));
-    claim::scene(&out, &args.scene)?;
+    let _claim = claim::scene(&out, &args.scene)?;
     let mut stages = Stages::default();
     let ledger = Ledger::new();
 

@@ -147,7 +147,7 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
         seed: args.seed,
         model: slab(args, &spec)?,
     };
-    claim::capture(&args.out, &[&args.spec], args.force)?;
+    let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let blade = dome::Blade::grow(&spec, &options)?.ok_or_else(|| {
         Error::Usage(format!(
@@ -222,7 +222,7 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
         seed: args.seed,
         model: slab(args, &spec)?,
     };
-    claim::capture(&args.out, &[&args.spec], args.force)?;
+    let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let grown = beams::grow(&spec, &options).ok_or_else(|| {
         Error::Usage(format!(
@@ -265,7 +265,7 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
         model: spec.truth(&args.spec, args.model)?,
         raw_exposures: args.raw_exposures,
     };
-    claim::capture(&args.out, &[&args.spec], args.force)?;
+    let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let leaf = Leaf::grow(&spec, options.model, width, height).ok_or_else(|| {
         Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size"))

@@ -47,10 +47,9 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         ));
     }
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
-    claim::scene(&out, &args.scene)?;
     // A window may be open for hours. A run or a check of the same scene need not wait for it: what the window writes
     // (screenshots, edited fits) are whole files of their own.
-    claim::release(&out);
+    drop(claim::scene(&out, &args.scene)?);
     if let Some(file) = &args.screenshot {
         claim::file(file, &["png"], &[&args.scene])?;
     }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// written.
 pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
     let leaf = LeafFit::open(from)?;
-    claim::folder(path, Kind::Maps, &[from])?;
+    let _claim = claim::folder(path, Kind::Maps, &[from])?;
     claim::begin(path, Kind::Maps)?;
     let mut written = Vec::new();
     for side in sides {

@@ -54,7 +54,7 @@ pub(crate) fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
 /// A folder that holds something else (see [`claim::folder`]), among it the fit itself (`from`), or that cannot be
 /// written.
 pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
-    claim::folder(path, Kind::Maps, &[from])?;
+    let _claim = claim::folder(path, Kind::Maps, &[from])?;
     claim::begin(path, Kind::Maps)?;
     let mut written = Vec::new();
     let mut ranges = Map::new();

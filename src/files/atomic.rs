@@ -162,7 +162,7 @@ fn locked(name: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
 }
 
 /// Whether `path` is still the name of `file`.
-fn same(file: &fs::File, path: &Path) -> bool {
+pub(crate) fn same(file: &fs::File, path: &Path) -> bool {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
@@ -203,10 +203,14 @@ pub(crate) fn through_links(path: &Path) -> PathBuf {
 
 /// A place where nothing can be written is a mistake on the command line; a full disk is not.
 fn unopened(path: &Path, e: &io::Error) -> Error {
-    match e.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Error::write(path, explain(e)),
-        _ => Error::Usage(format!("cannot write {}: {}", path.display(), explain(e))),
+    if is_full(e) {
+        return Error::write(path, explain(e));
     }
+    Error::Usage(format!("cannot write {}: {}", path.display(), explain(e)))
+}
+
+fn is_full(e: &io::Error) -> bool {
+    matches!(e.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
 impl Drop for Pending {
@@ -238,18 +242,24 @@ impl io::Seek for Pending {
 /// Makes `folder` if needed and proves that it can be written before any long work starts.
 ///
 /// # Errors
-/// [`Error::Usage`] (exit code 2) naming the folder: a read-only output folder is the command line's mistake.
+/// Naming the folder: [`Error::Usage`] (exit code 2), because a read-only output folder is the command line's mistake,
+/// but [`Error::Write`] (1) for a full disk.
 pub fn probe_folder(folder: &Path) -> Result<()> {
-    let fail = |e: io::Error| {
-        let why = if folder.is_file() { "it is a file, expected a folder".into() } else { explain(&e) };
-        Error::Usage(format!("cannot write to the output folder {}: {why}", folder.display()))
-    };
+    let fail = |e: io::Error| unproved(folder, &e);
     fs::create_dir_all(folder).map_err(fail)?;
     match locked(".probe", folder) {
         // Another shard proves it just now.
         Err(e) if e.kind() == io::ErrorKind::WouldBlock => Ok(()),
         tried => tried.map(drop).map_err(fail),
     }
+}
+
+fn unproved(folder: &Path, e: &io::Error) -> Error {
+    if is_full(e) {
+        return Error::write(folder, explain(e));
+    }
+    let why = if folder.is_file() { "it is a file, expected a folder".into() } else { explain(e) };
+    Error::Usage(format!("cannot write to the output folder {}: {why}", folder.display()))
 }
 
 /// An operating-system error in words, without its number.
@@ -338,6 +348,13 @@ mod tests {
         for error in [write_bytes(dir.path(), b"x").unwrap_err(), probe_folder(&file).unwrap_err()] {
             assert!(error.is_usage(), "{error}");
         }
+        // A full disk is not.
+        for kind in [io::ErrorKind::StorageFull, io::ErrorKind::QuotaExceeded] {
+            for said in [unopened(&file, &kind.into()), unproved(dir.path(), &kind.into())] {
+                assert!(matches!(said, Error::Write { .. }), "{said}");
+            }
+        }
+        assert!(unproved(dir.path(), &io::ErrorKind::PermissionDenied.into()).is_usage());
     }
 
     #[test]

@@ -11,7 +11,7 @@
 //! ([`Maker::finish`]). So an input that cannot be read is reported before the folder is touched.
 
 use crate::{Error, FitKind, FitRecord, Result, Times, read_toml, write_toml};
-use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::claim::{self, Claim, Kind};
 use mesophyll_files::{atomic, hash, progress};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -47,6 +47,8 @@ pub struct Maker {
     parts: Arc<OnceLock<PathBuf>>,
     /// Whether other shards may write to the folder too.
     shared: bool,
+    /// The folder's lock. [`make`] has it too, so that it ends last of all, and stays with a thread that was left.
+    claim: Arc<OnceLock<Claim>>,
 }
 
 /// Hash of everything that decides a fit: what it is made from, by name, and the program's version.
@@ -67,7 +69,7 @@ pub fn make<T: Send + 'static>(
 ) -> Result<T> {
     let clock = Instant::now();
     let new: Vec<PathBuf> = out.ancestors().take_while(|f| !f.exists()).map(Path::to_path_buf).collect();
-    let parts = Arc::new(OnceLock::new());
+    let (parts, claim) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
     let mut maker = Maker {
         kind,
         out: out.to_path_buf(),
@@ -77,15 +79,14 @@ pub fn make<T: Send + 'static>(
         times: Times { threads: rayon::current_num_threads(), ..Times::default() },
         parts: parts.clone(),
         shared: false,
+        claim: claim.clone(),
     };
     let made = match progress::left_when_stopped(move || fit(&mut maker)) {
         None | Some(Err(Error::Interrupted(_))) => Err(stopped(out, parts.get())),
         Some(made) => made,
     };
-    claim::release(out);
     if made.is_err() {
-        // Only folders that are empty can be removed.
-        new.iter().take_while(|folder| std::fs::remove_dir(folder).is_ok()).for_each(drop);
+        claim::undo(&new, claim.get());
     }
     made
 }
@@ -117,15 +118,20 @@ impl Maker {
         Ok(done)
     }
 
-    /// States what the fit is made from (see [`input_hash`]), and claims the folder.
+    /// States what the fit is made from (see [`input_hash`]), and claims the folder until [`make`] ends. To be said
+    /// once.
     ///
     /// # Errors
-    /// As [`claim::folder`]: a folder that cannot be written, that holds something else, or that another run writes.
+    /// As [`claim::folder_for`]: a folder that cannot be written, or that holds something else, or that another run
+    /// writes.
     pub fn made_from(&mut self, input_hash: String) -> Result<()> {
         self.input_hash = input_hash;
         let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
         let with = if self.shared { claim::Use::Shared } else { claim::Use::Alone };
-        claim::folder_for(&self.out, Kind::Fit(self.kind.name()), &inputs, with)
+        let claim = claim::folder_for(&self.out, Kind::Fit(self.kind.name()), &inputs, with)?;
+        // Nobody has set it before: a second claim would have been refused.
+        let _ = self.claim.set(claim);
+        Ok(())
     }
 
     /// States that this run is one shard of several, which write their parts at the same time. To be said before
@@ -136,11 +142,19 @@ impl Maker {
 
     /// Waits, in a shard that puts the parts of all together, until no other shard writes. Returns the fit if another
     /// one has finished it meanwhile.
-    pub fn alone(&self) -> Option<Outcome> {
-        if !self.shared {
-            return None;
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] after a stop.
+    pub fn alone(&self) -> Result<Option<Outcome>> {
+        match self.claim.get() {
+            Some(claim) if self.shared => claim.alone()?,
+            _ => return Ok(None),
         }
-        claim::alone(&self.out);
+        Ok(self.whole())
+    }
+
+    /// The fit that the folder holds, if it is exactly this fit and unchanged.
+    fn whole(&self) -> Option<Outcome> {
         let found = FitRecord::read(&self.out).ok().filter(|record| record.input_hash == self.input_hash);
         found.filter(|record| record.verify(&self.out).is_ok()).map(|record| Outcome::UpToDate(Box::new(record)))
     }
@@ -152,10 +166,7 @@ impl Maker {
     /// As [`Maker::made_from`].
     pub fn up_to_date(&mut self, input_hash: String, force: bool) -> Result<Option<Outcome>> {
         self.made_from(input_hash)?;
-        let found = FitRecord::read(&self.out).ok();
-        let same =
-            |record: &FitRecord| !force && record.input_hash == self.input_hash && record.verify(&self.out).is_ok();
-        Ok(found.filter(same).map(|record| Outcome::UpToDate(Box::new(record))))
+        Ok(if force { None } else { self.whole() })
     }
 
     /// Folder for the parts of this fit. The parts of a stopped run are found there only when the same fit is made from
@@ -223,7 +234,8 @@ impl Maker {
         FitRecord::new(self.kind, name, self.input_hash.clone())
     }
 
-    /// Writes `times.toml` and, last of all, `fit.toml`. The parts are no longer needed then and are removed.
+    /// Writes `times.toml` and, last of all, `fit.toml`. The parts are no longer needed then and are removed, while
+    /// the folder is still claimed.
     ///
     /// # Errors
     /// Files that cannot be written.

@@ -6,7 +6,8 @@
 The disk is a small tmpfs, which only root can mount; without root only the limit of a file's size is tried. Each command
 first runs with room enough, which says how much it writes; then it runs again with less, at several sizes. Expected:
 exit code 1, one sentence that names a file and says what is wrong, no panic, and no file under its final name that
-differs from the one of the whole run. Exit code 1 where that is not so.
+differs from the one of the whole run. A run that ends as if there were room has to have written everything. Exit code 1
+where that is not so, and where a verb was never refused.
 """
 
 import argparse
@@ -20,7 +21,7 @@ import sys
 import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from killed import ROOT, broken, cases, files, temporary
+from killed import ROOT, broken, cases, files, temporary, timeless
 
 
 def more_cases(folder):
@@ -41,13 +42,24 @@ def more_cases(folder):
     ]
 
 
-def judge(case, size, done, place, reference, differs):
-    """Number of faults; each is printed."""
+def judge(case, size, done, place, reference, differs, ended):
+    """Number of faults, each of which is printed; None where the run had room. `ended` is the whole run's exit code."""
     said = done.stderr.strip()
     faults = []
-    if done.returncode == 0 or (done.returncode == 1 and "cannot write" not in said):
-        return None if done.returncode == 0 else print(f"{case}, {size}: {done.returncode}: {said}") or 1
-    if done.returncode not in (1, 2):
+    made = files(place) if place.exists() else {}
+    if done.returncode == ended and "cannot write" not in said:
+        for name in sorted(set(made) | set(reference)):
+            pair = [made.get(name), reference.get(name)]
+            if name in differs and None not in pair:
+                pair = [timeless(name, data) for data in pair]
+            if pair[0] != pair[1]:
+                faults.append(f"{name} is not the whole run's")
+        if faults:
+            print(f"{case}, {size}: exit code {ended}, but {'; '.join(faults)}")
+        return len(faults) or None
+    if done.returncode == 1 and "cannot write" not in said:
+        faults.append("not refused for want of room")
+    if done.returncode != 1:
         faults.append(f"exit code {done.returncode}")
     if "panicked" in said:
         faults.append("a panic")
@@ -55,7 +67,7 @@ def judge(case, size, done, place, reference, differs):
         faults.append(f"{len(said.splitlines())} lines")
     if not any(w in said for w in ("the disk is full", "largest size allowed", "No space")):
         faults.append("no reason")
-    for name, data in (files(place) if place.exists() else {}).items():
+    for name, data in made.items():
         if temporary(name):
             faults.append(f"{name} is left")
         elif why := broken(name, data):
@@ -85,7 +97,7 @@ def main():
             words = [args.program, "-q", *map(str, words), "-o"]
             whole = folder / "whole" / out
             whole.parent.mkdir(exist_ok=True)
-            subprocess.run([*words, whole], capture_output=True)
+            ended = subprocess.run([*words, whole], capture_output=True).returncode
             reference = files(whole)
             second = folder / "second" / out
             second.parent.mkdir(exist_ok=True)
@@ -100,7 +112,7 @@ def main():
                     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "none", disk], check=True)
                     try:
                         done = subprocess.run([*words, place], capture_output=True, text=True)
-                        found = judge(case, f"disk of {size} bytes", done, place, reference, differs)
+                        found = judge(case, f"disk of {size} bytes", done, place, reference, differs, ended)
                     finally:
                         subprocess.run(["umount", disk], check=True)
                     tried += 1
@@ -112,14 +124,15 @@ def main():
                 done = subprocess.run([*words, place], capture_output=True, text=True,
                                       restore_signals=False,
                                       preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
-                found = judge(case, f"files of {size} bytes", done, place, reference, differs)
+                found = judge(case, f"files of {size} bytes", done, place, reference, differs, ended)
                 shutil.rmtree(place.parent)
                 tried += 1
                 told += found is not None
                 faults += found or 0
+            faults += told == 0
             print(f"{case}: refused {told} times", flush=True)
     print(f"{tried} runs, {faults} faults")
-    return faults > 0
+    return faults > 0 or tried == 0
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ undisturbed run makes, byte by byte.
 Only times may differ: `times.toml` of a fit, and what `run` and `render` say of seconds (ledger.json, report.html;
 of plan.json, check.json and render.json only the numbers). After each kill every file under its final name must be
 whole. At the end no temporary file may be left.
-The seed of the moments is printed; exit code 1 where anything was wrong.
+The seed of the moments is printed; exit code 1 where anything was wrong, and where fewer runs were killed than asked
+for, since too many had ended before.
 """
 
 import argparse
@@ -154,6 +155,8 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         todo = [c for c in cases(args.program, folder) if args.only in (None, c[0])]
+        if not todo:
+            raise SystemExit(f"--only: found {args.only!r}, which is no case")
         for case, words, out, more in todo:
             whole, again = [folder / f"{w}" / out for w in ("whole", "again")]
             for place in (whole, again):
@@ -170,11 +173,11 @@ def main():
             while kills < wanted and late < 3 * wanted:
                 place = folder / "killed" / out
                 place.parent.mkdir(exist_ok=True)
-                for again in range(min(chance.randint(1, 3), wanted - kills)):
+                for restarts in range(min(chance.randint(1, 3), wanted - kills)):
                     words_now = [*words, "-o", place, *(more if place.exists() else [])]
                     child = subprocess.Popen([args.program, "-q", *map(str, words_now)], stdout=subprocess.DEVNULL,
                                              stderr=subprocess.PIPE)
-                    time.sleep(chance.uniform(0, took / (1 + again)))
+                    time.sleep(chance.uniform(0, took / (1 + restarts)))
                     child.kill()
                     said = child.communicate()[1].decode()
                     late += child.returncode >= 0
@@ -201,6 +204,9 @@ def main():
                         print(f"{case}: {file} is {state} after a kill")
                 shutil.rmtree(folder / "killed")
             faults += litter
+            if kills < wanted:
+                faults += 1
+                print(f"{case}: {kills} kills, expected {wanted}")
             print(f"{case}: {kills} kills ({late} came after the end), {took:.1f} s a run, {litter} temporary files "
                   f"left; times differ in: {', '.join(sorted(differs)) or 'nothing'}", flush=True)
     print(f"seed {args.seed}: {faults} faults")

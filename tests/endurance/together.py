@@ -5,7 +5,8 @@
 
 Of two runs into one folder the second one is refused with exit code 2 and one sentence, and the first one ends with the
 bytes of an undisturbed run. Two runs that write one file may also both succeed, one after the other. Shards share a
-folder: all succeed, whoever ends last, with the bytes of one run. Exit code 1 where anything was wrong.
+folder: all succeed, whoever ends last, with the bytes of one run. Exit code 1 where anything was wrong, and where no
+run was long enough to be in the way of another.
 """
 
 import argparse
@@ -33,7 +34,7 @@ def main():
     parser.add_argument("program", type=lambda p: pathlib.Path(p).resolve())
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args()
-    faults = 0
+    faults = due = 0
 
     def fault(*words):
         nonlocal faults
@@ -58,7 +59,8 @@ def main():
             for k in range(args.rounds):
                 place.parent.mkdir(exist_ok=True)
                 first = start(words, place)
-                time.sleep(took * (k + 0.3) / (args.rounds + 1))
+                wait = took * (k + 0.3) / (args.rounds + 1)
+                time.sleep(wait)
                 running = first.poll() is None
                 second = start(words, place)
                 told = [p.communicate()[1].strip() for p in (first, second)]
@@ -73,13 +75,17 @@ def main():
                         fault(f"{case}: {code}: {said}")
                 if codes == [2, 2]:
                     fault(f"{case}: both were refused")
-                # A short run may have ended before the other one claims its folder.
-                if k == 0 and took > 1 and whole.is_dir() and 2 not in codes:
-                    fault(f"{case}: both wrote one folder")
+                # A run with little left to do may have ended before the other one claims its folder.
+                if whole.is_dir() and took - wait > max(1, took / 2):
+                    due += 1
+                    if 2 not in codes:
+                        fault(f"{case}: both wrote one folder, the second one started after {wait:.1f} of {took:.1f} s")
                 if wrong := differ(reference, place, times):
                     fault(f"{case}: {', '.join(wrong)} differ; exit codes {codes}, first one running: {running}")
                 shutil.rmtree(place.parent)
             print(f"{case}: one of two was refused in {refused} of {args.rounds} rounds", flush=True)
+        if due == 0:
+            fault("no run into a folder had more than a second left when the second one started: nothing was tried")
         whole = folder / "whole/fit"
         reference = files(whole)
         for k in range(args.rounds):

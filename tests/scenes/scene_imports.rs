@@ -89,7 +89,7 @@ fn fits_use_nothing_of_what_is_placed() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
         let mut used = used(&text, usize::from(!path.ends_with("mod.rs")));
-        ["fits", "ledger", "Error", "Result"].map(|allowed| used.remove(allowed));
+        used.retain(|name| !["fits", "ledger", "Error", "Result"].contains(&name.as_str()));
         assert!(used.is_empty(), "{} uses {used:?}", path.display());
         files += 1;
     }

@@ -1,5 +1,7 @@
-"""Runs data/workflow with real Snakemake on small leaves and a table of a million rows, kills or cancels jobs on the way,
-and compares everything with what one run of the program makes, byte by byte.
+"""Runs data/workflow with real Snakemake on small leaves and a table of a million rows, kills or cancels jobs on the
+way, and compares everything with what one run of the program makes, byte by byte. Then it adds a leaf, scans one again,
+and changes the options of the leaves and of the table: what that concerns has to be made again, and nothing else. Exit
+code 1 where anything was wrong, and where fewer jobs were stopped than meant.
 
     cargo build --release
     pip install snakemake snakemake-executor-plugin-slurm
@@ -25,6 +27,8 @@ import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+# Jobs to stop on the way.
+KILLS = 3
 
 
 class Slurm:
@@ -115,26 +119,82 @@ def inputs(program, folder, leaves, rows):
             table.write(f"{k},{bad}{chance.uniform(.03, .3):.4f},{chance.uniform(.02, .3):.4f},.2\n")
 
 
-def whole(program, folder, leaves):
+def whole(program, folder, leaves, noise="0.005"):
     """What one run of the program makes of the same inputs."""
     for k in range(leaves):
         words = [program, "-q", "fit", "leaf", folder / f"scans/elm-{k}", "-o", folder / f"whole/elm-{k}"]
         subprocess.run(list(map(str, words)), check=True, stdout=subprocess.DEVNULL)
-    words = [program, "-q", "fit", "slab", "--noise", "0.005", "--in", folder / "table.csv", "-o", folder / "whole/table.csv"]
+    words = [program, "-q", "fit", "slab", "--noise", noise, "--in", folder / "table.csv"]
+    words += ["-o", folder / "whole/table.csv"]
     subprocess.run(list(map(str, words)), check=True, stdout=subprocess.DEVNULL)
 
 
+def changes(program, folder, leaves, words):
+    """Changes one thing after the other and starts the workflow again. Returns the number of faults: something is made
+    again that the change does not concern, or is not made again that it does."""
+    faults = 0
+
+    def times():
+        return {str(p.relative_to(folder / "results")): p.stat().st_mtime_ns
+                for p in [*(folder / "results/fits").glob("*/fit.toml"), folder / "results/table.csv"]}
+
+    def expect(case, wanted, *more):
+        nonlocal faults
+        before = times()
+        ended = subprocess.run([*map(str, words), *more], capture_output=True, text=True)
+        made = {name for name, at in times().items() if before.get(name) != at}
+        if ended.returncode != 0 or made != wanted:
+            faults += 1
+            print(f"{case}: made again {sorted(made)}, expected {sorted(wanted)}")
+            print(ended.stderr[-3000:] if ended.returncode != 0 else "")
+
+    def scan(name, *more):
+        done = [program, "-q", "synth", ROOT / "data/leaves/elm.toml", "-o", folder / "scans" / name, "--size", "64x48",
+                "--force", *more]
+        subprocess.run(list(map(str, done)), check=True)
+
+    fits = {f"fits/elm-{k}/fit.toml" for k in range(leaves)}
+    expect("nothing changed", set())
+    expect("other sizes of jobs", set(), "minutes=0.02", "readings_per_second=300000")
+    # Before all others in the list, so that every job after it would have another number.
+    scan("added", "--frames", "30", "--seed", "77")
+    expect("a leaf was added", {"fits/added/fit.toml"})
+    scan("elm-1", "--frames", "30", "--seed", "78")
+    expect("a leaf was scanned again", {"fits/elm-1/fit.toml"})
+    scan("dome", "--acquisition", "dome")
+    expect("a capture under a dome", {"fits/dome/fit.toml"})
+    shutil.rmtree(folder / "scans/dome")
+    fits.add("fits/added/fit.toml")
+    expect("other options of the leaves", fits, "leaf_options=--hold-out 0")
+    expect("the former options of the leaves", fits)
+    expect("another verb of the table", {"table.csv"}, "verb=fit slab --noise 0.01")
+    whole(program, folder, 0, "0.01")
+    if (folder / "whole/table.csv").read_bytes() != (folder / "results/table.csv").read_bytes():
+        faults += 1
+        print("another verb of the table: the answer is not what one run makes")
+    expect("the former verb of the table", {"table.csv"})
+    scan("beams", "--acquisition", "beams")
+    ended = subprocess.run(list(map(str, words)), capture_output=True, text=True)
+    if ended.returncode == 0 or "scans/beams/capture.toml: kind" not in ended.stderr or "Traceback" in ended.stderr:
+        faults += 1
+        print(f"a capture that `fit leaf` does not take: {ended.stderr[-1000:]}")
+    return faults
+
+
 def disturb(folder, slurm, stop, done):
-    """Kills running jobs, three times with time in between; with Slurm it cancels them. The jobs of this test are those
-    that run in its own folder."""
-    while len(done) < 3 and not stop.wait(0.3):
+    """Kills running jobs, with time in between; with Slurm it cancels them. The jobs of this test are those that run in
+    its own folder."""
+    while len(done) < KILLS and not stop.wait(0.3):
         if slurm:
             told = subprocess.run(["squeue", "-h", "-t", "RUNNING", "-o", "%i"], capture_output=True, text=True).stdout
             for job in told.split()[:1]:
                 time.sleep(1.5)
                 subprocess.run(["scancel", job])
-                done.append(job)
                 stop.wait(12)
+                told = subprocess.run(["scontrol", "show", "job", job], capture_output=True, text=True).stdout
+                # A job may have ended just before.
+                if "JobState=CANCELLED" in told:
+                    done.append(job)
         else:
             for place in pathlib.Path("/proc").glob("[0-9]*"):
                 try:
@@ -172,8 +232,9 @@ def main():
             if args.slurm:
                 words += ["--slurm-status-command", "squeue", "--slurm-init-seconds-before-status-checks", "3",
                           "--seconds-between-status-checks", "3", "--latency-wait", "5"]
-            words += ["--config", f"program={args.program}", "captures=scans", "table=table.csv", "out=results",
+            values = ["--config", f"program={args.program}", "captures=scans", "table=table.csv", "out=results",
                       "minutes=0.01", "readings_per_second=400000", f"rows_per_second={args.rows / 2.4}"]
+            words += values
             start = time.monotonic()
             ended = subprocess.run(list(map(str, words)), capture_output=True, text=True)
             took = time.monotonic() - start
@@ -194,10 +255,19 @@ def main():
             if not (one.exists() and other.exists() and one.read_bytes() == other.read_bytes()):
                 print(f"{other.relative_to(folder)} is not what one run makes")
                 faults += 1
+        # A run may have ended just before its signal came; Snakemake says which ones were killed.
+        stopped = len(done) if args.slurm else ended.stderr.count("died with <Signals.SIGKILL")
+        if stopped < KILLS:
+            print(f"{stopped} jobs were stopped, expected {KILLS}")
+            faults += 1
         jobs = ended.stderr.count("Finished jobid") + ended.stderr.count("Finished job ")
-        print(f"{jobs} jobs in {took:.0f} s, {len(done)} of them {'cancelled' if args.slurm else 'killed'}; {len(pairs)} "
-              f"files compared, {faults} differ")
-        return faults > 0
+        print(f"{jobs} jobs in {took:.0f} s, {stopped} of them {'cancelled' if args.slurm else 'killed'}; {len(pairs)} "
+              f"files compared, {faults} faults")
+        local = [sys.executable, "-m", "snakemake", "-s", ROOT / "data/workflow/Snakefile", "--profile",
+                 ROOT / "data/workflow/local", "--directory", folder]
+        changed = changes(args.program, folder, args.leaves, [*local, *values])
+        print(f"changes of inputs and options: {changed} faults")
+        return faults + changed > 0
 
 
 if __name__ == "__main__":

@@ -81,7 +81,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             basis_to(folder, common)?;
         }
         if let Some(folder) = &args.pictures {
-            claim::folder(folder, Kind::Pictures, &[])?;
+            let _claim = claim::folder(folder, Kind::Pictures, &[])?;
             let files = beam_charts::write(folder, &figures::all())?;
             if common.json && !args.basis {
                 crate::print_json(&serde_json::json!({ "written": files }))?;

@@ -1,14 +1,18 @@
-//! Locks of output folders: two runs never write one folder at once.
+//! Locks of output folders: two runs never write one folder at once, nor do two threads of one program.
 //!
 //! The lock is the operating system's own, on the folder itself: it leaves no file, and it ends with the program, however
-//! that ends. Where the file system has no locks (some network file systems), nothing is refused.
+//! that ends. Where folders cannot be locked (on Windows, on some network file systems), nothing is refused.
 
 use super::resolved;
+use crate::atomic::same;
+use crate::progress::{go_on, say};
 use crate::{Error, Result};
-use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Time between two looks at a lock that somebody else has.
+const EVERY: Duration = Duration::from_millis(20);
 
 /// Who else may write a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,75 +23,159 @@ pub enum Use {
     Shared,
 }
 
-/// Folders that this program has locked.
-static HELD: Mutex<BTreeMap<PathBuf, File>> = Mutex::new(BTreeMap::new());
-
-fn held() -> MutexGuard<'static, BTreeMap<PathBuf, File>> {
-    HELD.lock().unwrap_or_else(PoisonError::into_inner)
+/// An output folder that is claimed. It is free again when this value is dropped.
+#[derive(Debug)]
+#[must_use = "the folder is free again as soon as this is dropped"]
+pub struct Claim {
+    place: PathBuf,
+    /// The opened folder, which has the lock; nothing where there is no lock.
+    locked: Option<File>,
 }
 
-/// Locks the folder `place`, if it exists and this program has not locked it already.
-///
-/// # Errors
-/// [`Error::Usage`] where another run has it.
-pub(super) fn take(place: &Path, with: Use) -> Result<()> {
-    let mut held = held();
-    // A folder can be opened like a file on Unix only; elsewhere only the files in it are locked.
-    let Ok(folder) = File::open(place) else { return Ok(()) };
-    if held.contains_key(place) || !place.is_dir() {
-        return Ok(());
-    }
-    let locked = if with == Use::Alone { folder.try_lock() } else { folder.try_lock_shared() };
-    match locked {
-        Ok(()) => drop(held.insert(place.to_path_buf(), folder)),
-        Err(TryLockError::Error(_)) => {}
-        Err(TryLockError::WouldBlock) => {
-            let what = "is being written by another run; wait until it has ended, or name another folder";
-            return Err(Error::Usage(format!("the output folder {} {what}", place.display())));
+impl Claim {
+    /// Locks the folder `place`, if it exists. A shard waits for a run that has it alone.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where somebody else has it, [`Error::Interrupted`] after a stop while it waits.
+    pub(super) fn take(place: &Path, with: Use) -> Result<Self> {
+        let claim = |locked| Ok(Claim { place: place.to_path_buf(), locked });
+        // A folder can be opened like a file on Unix only; elsewhere only the files in it are locked.
+        let Some(folder) = place.is_dir().then(|| File::open(place).ok()).flatten() else { return claim(None) };
+        let tried = match with {
+            Use::Alone => folder.try_lock(),
+            Use::Shared => once_free(place, || folder.try_lock_shared())?,
+        };
+        match tried {
+            // The folder may have been removed, by the run that made it, before it was locked.
+            Ok(()) if same(&folder, place) => claim(Some(folder)),
+            Ok(()) | Err(TryLockError::Error(_)) => claim(None),
+            Err(TryLockError::WouldBlock) => {
+                let what = "is being written by another run; wait until it has ended, or name another folder";
+                Err(Error::Usage(format!("the output folder {} {what}", place.display())))
+            }
         }
     }
-    Ok(())
-}
 
-/// Waits until no other shard uses the folder, and keeps it from them until [`release`].
-pub fn alone(folder: &Path) {
-    // The list of locks is free while this waits.
-    let file = held().get(&resolved(folder)).and_then(|file| file.try_clone().ok());
-    if let Some(file) = file {
+    /// Whether the folder is locked. A folder that does not exist yet is not.
+    pub(super) fn is_locked(&self) -> bool {
+        self.locked.is_some()
+    }
+
+    /// Waits until no other shard uses the folder, and keeps it from them from then on.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] after a stop.
+    pub fn alone(&self) -> Result<()> {
+        let Some(folder) = &self.locked else { return Ok(()) };
+        // Of two shards that wait here, neither may hold what the other one waits for.
+        let _ = folder.unlock();
         // Without locks there is nobody to wait for.
-        let _ = file.lock();
+        let _ = once_free(&self.place, || folder.try_lock())?;
+        Ok(())
     }
 }
 
-/// Lets other runs have a folder that this one has claimed.
-pub fn release(folder: &Path) {
-    held().remove(&resolved(folder));
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // To close the file would not be enough where a child process has inherited it.
+        let _ = self.locked.as_ref().map(File::unlock);
+    }
+}
+
+/// Removes the folders that a run made for its output, innermost first, as far as they are empty. `claim` is what the
+/// run has claimed. Nothing is removed while anybody else has claimed the innermost one.
+pub fn undo(made: &[PathBuf], claim: Option<&Claim>) {
+    let Some(folder) = made.first() else { return };
+    // A run that was refused asks for the lock once more, because the folder may be somebody else's by now.
+    let own = if claim.is_none() { Claim::take(&resolved(folder), Use::Alone).ok() } else { None };
+    let Some(claim) = claim.or(own.as_ref()) else { return };
+    if claim.locked.as_ref().is_none_or(|file| !matches!(file.try_lock(), Err(TryLockError::WouldBlock))) {
+        made.iter().take_while(|folder| std::fs::remove_dir(folder).is_ok()).for_each(drop);
+    }
+}
+
+/// What `attempt` gives as soon as nobody else has the folder. Says once that it waits.
+fn once_free(
+    place: &Path,
+    attempt: impl Fn() -> std::result::Result<(), TryLockError>,
+) -> Result<std::result::Result<(), TryLockError>> {
+    let mut tried = attempt();
+    if matches!(tried, Err(TryLockError::WouldBlock)) {
+        say(format!("waiting for another run that writes {}", place.display()));
+    }
+    while matches!(tried, Err(TryLockError::WouldBlock)) {
+        go_on()?;
+        std::thread::sleep(EVERY);
+        tried = attempt();
+    }
+    Ok(tried)
 }
 
 #[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
+    use std::cell::Cell;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::mpsc;
 
     #[test]
-    #[cfg(unix)]
     fn a_folder_is_one_runs_alone_or_shared_by_shards() {
         let dir = tempfile::tempdir().unwrap();
         let place = resolved(dir.path());
-        // Locks are of an opened folder, so a second opening stands for another program.
-        let other = File::open(&place).unwrap();
-        other.lock_shared().unwrap();
-        let refused = take(&place, Use::Alone).unwrap_err();
-        assert!(refused.is_usage() && refused.to_string().contains("written by another run"), "{refused}");
-        take(&place, Use::Shared).unwrap();
-        let waits = std::thread::spawn({
-            let place = place.clone();
-            move || alone(&place)
+        let first = Claim::take(&place, Use::Alone).unwrap();
+        // Every claim is refused, and none of those that are refused frees the folder.
+        for _ in 0..2 {
+            let refused = Claim::take(&place, Use::Alone).unwrap_err();
+            assert!(refused.is_usage() && refused.to_string().contains("written by another run"), "{refused}");
+        }
+        drop(first);
+        let shards = [Use::Shared; 2].map(|with| Claim::take(&place, with).unwrap());
+        assert!(Claim::take(&place, Use::Alone).is_err());
+        drop(shards);
+        assert!(Claim::take(&place, Use::Alone).unwrap().is_locked());
+        assert!(!Claim::take(&place.join("absent"), Use::Alone).unwrap().is_locked());
+    }
+
+    #[test]
+    fn a_shard_waits_until_the_others_have_ended() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = resolved(dir.path());
+        let [one, other] = [Use::Shared; 2].map(|with| Claim::take(&place, with).unwrap());
+        let ended = AtomicBool::new(false);
+        std::thread::scope(|threads| {
+            let (begins, begun) = mpsc::channel();
+            let ended = &ended;
+            threads.spawn(move || {
+                begins.send(()).unwrap();
+                one.alone().unwrap();
+                assert!(ended.load(Ordering::SeqCst), "it did not wait");
+            });
+            begun.recv().unwrap();
+            ended.store(true, Ordering::SeqCst);
+            drop(other);
         });
-        other.unlock().unwrap();
-        waits.join().unwrap();
-        assert!(matches!(other.try_lock_shared(), Err(TryLockError::WouldBlock)));
-        release(&place);
-        other.try_lock().unwrap();
-        assert!(take(&place, Use::Shared).is_err());
+        // A shard that comes while the folder is one run's alone tries again until it is free.
+        let left = Cell::new(3);
+        let busy = || match left.replace(left.get() - 1) {
+            0 => Ok(()),
+            _ => Err(TryLockError::WouldBlock),
+        };
+        assert!(once_free(&place, busy).unwrap().is_ok());
+    }
+
+    #[test]
+    fn a_new_folder_is_removed_by_its_run_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let made = ["new/deeper", "new"].map(|name| dir.path().join(name));
+        std::fs::create_dir_all(&made[0]).unwrap();
+        let place = resolved(&made[0]);
+        let [mine, other] = [Use::Shared; 2].map(|with| Claim::take(&place, with).unwrap());
+        undo(&made, None);
+        undo(&made, Some(&mine));
+        assert!(made[0].exists(), "another shard has it");
+        drop(other);
+        undo(&made, Some(&mine));
+        assert!(!made[1].exists());
     }
 }

@@ -4,7 +4,7 @@
 //! What a folder holds is recognised by the file that its maker writes last ([`Kind`]). Until that file is written, the
 //! hidden file [`MARK`] names the kind. The parts of a stopped fit are in a folder whose name states the kind.
 //!
-//! A claim also locks the folder against other runs ([`lock`]).
+//! A claim also locks the folder against other runs, until its [`Claim`] is dropped ([`lock`]).
 
 mod held;
 mod lock;
@@ -12,7 +12,7 @@ mod lock;
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
 use held::{fit_there, holds, is_capture, marked, marks, stranger};
-pub use lock::{Use, alone, release};
+pub use lock::{Claim, Use, undo};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -98,26 +98,22 @@ const ENDINGS: [&str; 14] =
     ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4"];
 
 /// Claims `folder` for what a verb makes of `inputs`: creates it if needed, checks that it can be written, and locks it
-/// until [`finish`], [`release`] or the end of the program.
+/// until the answer is dropped.
 ///
 /// # Errors
 /// [`Error::Usage`] (exit code 2) that names the folder and what it holds, or that another run writes it. Then nothing
 /// was changed.
-pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
+pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<Claim> {
     folder_for(folder, kind, inputs, Use::Alone)
 }
 
-/// As [`folder`], for a run that shares the folder with other shards of one fit.
+/// As [`folder`]; with [`Use::Shared`] for a run that shares the folder with other shards of one fit. Such a run waits
+/// for one that has the folder alone, because that one puts together what the shards made.
 ///
 /// # Errors
-/// As [`folder`].
-pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Result<()> {
-    let refuse = |what: &str| {
-        let (folder, kind) = (folder.display(), kind.words());
-        Err(Error::Usage(format!(
-            "the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder"
-        )))
-    };
+/// As [`folder`]; [`Error::Interrupted`] after a stop while it waits.
+pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Result<Claim> {
+    let refuse = |what: &str| refused(folder, kind, what);
     let place = resolved(folder);
     for input in inputs {
         let made_from = resolved(input);
@@ -132,18 +128,37 @@ pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Res
         return refuse(&format!("lies inside the capture {}", capture.display()));
     }
     // A folder that another run makes just now says so before anything else: what it holds changes.
-    lock::take(&place, with)?;
-    let held = holds(&place, kind);
-    if let Some(other) = held.iter().find(|h| !h.same) {
-        return refuse(&format!("holds {}", other.words));
-    }
-    if held.is_empty()
-        && let Some(name) = stranger(&place, kind.endings())
-    {
-        return refuse(&format!("holds files that are no {} ({name})", kind.words()));
-    }
+    let claim = Claim::take(&place, with)?;
+    fits_in(folder, &place, kind)?;
     atomic::probe_folder(folder)?;
-    lock::take(&place, with)
+    if claim.is_locked() {
+        return Ok(claim);
+    }
+    // The folder is new, and another run may have had it before it is locked here.
+    let claim = Claim::take(&place, with)?;
+    fits_in(folder, &place, kind)?;
+    Ok(claim)
+}
+
+fn refused<T>(folder: &Path, kind: Kind, what: &str) -> Result<T> {
+    let (folder, kind) = (folder.display(), kind.words());
+    Err(Error::Usage(format!(
+        "the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder"
+    )))
+}
+
+/// Refuses `folder`, which is at `place`, where it holds anything but what `kind` claims.
+fn fits_in(folder: &Path, place: &Path, kind: Kind) -> Result<()> {
+    let held = holds(place, kind);
+    if let Some(other) = held.iter().find(|h| !h.same) {
+        return refused(folder, kind, &format!("holds {}", other.words));
+    }
+    match stranger(place, kind.endings()) {
+        Some(name) if held.is_empty() => {
+            refused(folder, kind, &format!("holds files that are no {} ({name})", kind.words()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Claims `folder` for a synthetic capture. With `replace`, a synthetic capture may be there, but not a measured one
@@ -152,14 +167,14 @@ pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Res
 ///
 /// # Errors
 /// As [`folder`]; a folder that is not empty, without `replace`.
-pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
-    self::folder(folder, Kind::Capture, inputs)?;
+pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<Claim> {
+    let claim = self::folder(folder, Kind::Capture, inputs)?;
     let shown = folder.display();
     if marked(folder).is_some() || (replace && is_capture(folder) && folder.join("truth").is_dir()) {
-        return Ok(());
+        return Ok(claim);
     }
     if fs::read_dir(folder).map_err(|e| Error::write(folder, explain(&e)))?.next().is_none() {
-        return Ok(());
+        return Ok(claim);
     }
     if !replace {
         return Err(Error::Usage(format!("the output folder {shown} is not empty; choose another or add --force")));
@@ -173,7 +188,7 @@ pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
             "the output folder {shown} is no capture but holds {name}; a capture there would overwrite it, so name \
              another folder"
         ))),
-        None => Ok(()),
+        None => Ok(claim),
     }
 }
 
@@ -198,9 +213,10 @@ pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T
 ///
 /// # Errors
 /// As [`folder`].
-pub fn scene(folder: &Path, scene: &Path) -> Result<()> {
-    self::folder(folder, Kind::Scene, &[scene])?;
-    begin(folder, Kind::Scene)
+pub fn scene(folder: &Path, scene: &Path) -> Result<Claim> {
+    let claim = self::folder(folder, Kind::Scene, &[scene])?;
+    begin(folder, Kind::Scene)?;
+    Ok(claim)
 }
 
 /// Removes what a capture's synthesis writes, and nothing else.
@@ -246,14 +262,12 @@ pub fn begin(folder: &Path, kind: Kind) -> Result<()> {
     Ok(())
 }
 
-/// Removes the marker, because the file that shows the kind has been written, and lets other runs have the folder.
+/// Removes the marker, because the file that shows the kind has been written.
 ///
 /// # Errors
 /// [`Error::Write`] where the marker cannot be removed.
 pub fn finish(folder: &Path) -> Result<()> {
-    remove(&folder.join(MARK))?;
-    release(folder);
-    Ok(())
+    remove(&folder.join(MARK))
 }
 
 /// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes

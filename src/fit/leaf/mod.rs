@@ -172,30 +172,26 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
             maker.times.spent(&format!("{}: fit texels", job.side.name()), spent.fitting);
         }
     }
-    let step = Instant::now();
-    // The shard that finds all parts finishes the fit; where two find them at the same time, one waits for the other.
-    if jobs.iter().all(Job::is_done)
-        && let Some(found) = maker.alone()
-        && !options.force
+    // The shard that finds all parts finishes the fit. Whether they are all there is asked once, before any is read:
+    // another shard may write the last one meanwhile, and then it is that shard that finishes the fit.
+    let missing = || jobs.iter().map(Job::missing).sum::<usize>();
+    match missing() {
+        0 => {}
+        missing if options.merge => {
+            let (parts, what) = (parts.display(), "parts are missing; run every shard before --merge");
+            return Err(Error::Missed(format!("{parts}: {missing} {what}")));
+        }
+        missing => return Ok(Outcome::ShardDone { missing }),
+    }
+    // Where two shards find them all, one waits for the other. The other one has finished the fit then and has removed
+    // the parts, also with --force.
+    if let Some(found) = maker.alone()?
+        && (!options.force || missing() > 0)
     {
         return Ok(found);
     }
-    let mut merged = Vec::new();
-    for job in &jobs {
-        match job.merge()? {
-            Some(maps) => merged.push(maps),
-            None => {
-                let missing = jobs.iter().map(|j| (0..j.count()).filter(|&p| !j.path(p).exists()).count()).sum();
-                if options.merge {
-                    return Err(Error::Missed(format!(
-                        "{}: {missing} parts are missing; run every shard before --merge",
-                        parts.display()
-                    )));
-                }
-                return Ok(Outcome::ShardDone { missing });
-            }
-        }
-    }
+    let step = Instant::now();
+    let merged = jobs.iter().map(Job::merge).collect::<Result<Vec<_>>>()?;
     maker.times.phase("merge parts", step);
 
     let mut record = maker.record(&manifest.name);

@@ -163,16 +163,16 @@ impl Job<'_> {
         write_exr(&self.path(part), &maps, Packing::Zip)
     }
 
-    /// Whether every part is there.
-    pub fn is_done(&self) -> bool {
-        (0..self.count()).all(|p| self.path(p).exists())
+    /// How many parts are not there yet.
+    pub fn missing(&self) -> usize {
+        (0..self.count()).filter(|part| !self.path(*part).exists()).count()
     }
 
-    /// Reads every part into maps of the whole side; `None` while some parts are missing.
-    pub fn merge(&self) -> Result<Option<Maps>> {
-        if !self.is_done() {
-            return Ok(None);
-        }
+    /// Reads every part into maps of the whole side.
+    ///
+    /// # Errors
+    /// A part that is missing, or that is none of this fit.
+    pub fn merge(&self) -> Result<Maps> {
         let manifest = &self.capture.manifest;
         let names = channels();
         let mut planes: Vec<Vec<f32>> = vec![Vec::with_capacity(manifest.width * manifest.height); names.len()];
@@ -190,7 +190,7 @@ impl Job<'_> {
             }
         }
         let channels = names.into_iter().zip(planes).collect();
-        Ok(Some(Maps { width: manifest.width, height: manifest.height, channels }))
+        Ok(Maps { width: manifest.width, height: manifest.height, channels })
     }
 }
 

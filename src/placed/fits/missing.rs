@@ -106,7 +106,7 @@ fn scanned(
     }
     let _ = std::fs::remove_file(&stamp);
     // The folder may hold a scan with another specification, or one that was stopped. A measured capture is refused.
-    claim::capture(&folder, &[], true)?;
+    let _claim = claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
     if spec.model == Model::Foliar && (told.sigma_a.is_some() || told.sigma_s.is_some()) {
         let what =
