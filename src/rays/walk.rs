@@ -33,7 +33,7 @@ pub(crate) struct Local {
 }
 
 impl Local {
-    /// A placeholder where no ray is known yet.
+    /// The value of a field that holds no ray yet. It is overwritten before any walk reads it.
     pub const NONE: Local = Local {
         origin: [0.0; 3],
         direction: [0.0; 3],

@@ -22,8 +22,8 @@ use std::sync::Arc;
 /// Number of bands of a glossy leaf under a light that stands still: all that the renderer supports.
 pub(crate) const GLOSS_BANDS: usize = 7;
 
-/// Pixels that the ball around a leaf covers at least where the leaf may count as hidden: a leaf of which one ray a
-/// pixel meets nothing shows little of itself then.
+/// A leaf may count as hidden only if the ball around it covers at least so many pixels in every picture. If no ray
+/// meets such a leaf, with one ray for each pixel, then only a small part of it can be visible.
 const HIDEABLE: f64 = 16.0;
 
 /// The options of the scene's transfer; `None` where its plan has none.

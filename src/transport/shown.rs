@@ -7,8 +7,8 @@ use crate::world::{Camera, World};
 use rayon::prelude::*;
 
 /// For each of the world's instances, whether any of these cameras sees it in a picture of `width` × `height` pixels.
-/// One ray is sent through the middle of every pixel. What shows less than a pixel may therefore be missed, and a small
-/// thing as a whole.
+/// One ray is sent through the middle of every pixel. It may therefore miss a thing of which less than a pixel shows,
+/// also one that is so small that nothing hides it.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a world that contradicts itself, [`crate::Error::Usage`] for a camera that looks
