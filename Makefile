@@ -43,7 +43,7 @@ full: build
 
 test: setup-test
 	@rm -f $${CARGO_TARGET_DIR:-target}/skipped-tests.txt
-	@status=0; $(CARGO) test --workspace --locked || status=$$?; .ci/skipped; exit $$status
+	@status=0; CARGO=$(CARGO) .ci/test || status=$$?; .ci/skipped; exit $$status
 
 fits: build
 	@rm -f out/fits/report.html
