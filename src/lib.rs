@@ -60,7 +60,7 @@
 //! 5   leaf
 //! 4   capture
 //! 3   translucency  walk        transport   record      window
-//! 2   optics        viewer      flora
+//! 2   optics        viewer      flora       foreign
 //! 1   surface       solve       sky         plant      files
 //! 0   error         quadrature  fourier     rays
 //! ```
@@ -77,6 +77,7 @@ pub use mesophyll_fit_grass as fit_grass;
 pub use mesophyll_fit_sky as fit_sky;
 pub use mesophyll_fit_translucency as fit_translucency;
 pub use mesophyll_flora as flora;
+pub use mesophyll_foreign as foreign;
 pub use mesophyll_leaf as leaf;
 pub use mesophyll_manifest as manifest;
 pub use mesophyll_optics as optics;

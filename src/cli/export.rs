@@ -4,19 +4,27 @@ use super::{Common, place};
 use crate::named::named;
 use crate::{Error, Result};
 use clap::builder::{PossibleValue, TypedValueParser};
+use mesophyll_export::coat::Lost;
+use mesophyll_export::shown::Shown;
 use mesophyll_export::sky::SkyOptions;
-use mesophyll_export::{Format, export};
+use mesophyll_export::{Exported, Format, assemble, export};
 use mesophyll_files::{claim, progress};
 use mesophyll_manifest::Manifest;
+use mesophyll_placed::leaf::Search;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_placed::{self as placed, branch};
+use mesophyll_scene::draw::reference;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::traced;
 use std::path::{Path, PathBuf};
+use strum::IntoEnumIterator;
 
 /// Writes a fit, or a scene's plants as they stand in its wind, in a format other programs read.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll export fits/elm --to gltf -o elm.glb
   mesophyll export fits/elm --to csv -o elm.csv
+  mesophyll export data/scenes/cluster.toml --to mitsuba -o cluster-mitsuba
   mesophyll export data/scenes/breeze.toml --time 2.5 --to gltf -o posed.glb
   mesophyll export data/scenes/breeze.toml --from 0 --until 2 --step 0.04 --to gltf -o swaying.glb
   mesophyll export data/scenes/breeze.toml --to pivots -o pivots
@@ -35,6 +43,9 @@ pub struct Args {
     /// Scenes only: time (s) at which the plants are exported (default: the time that [wind] states)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     time: Option<f64>,
+    /// Scenes as a whole only: the view whose camera is exported (default: the first perspective view)
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
     /// Scene: first time (s) of an animation of its plants
     #[arg(long, value_name = "S", allow_negative_numbers = true, conflicts_with = "time")]
     from: Option<f64>,
@@ -139,13 +150,20 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if scene && args.folder.file_name().is_some_and(|name| name == "fit.toml") {
         return Err(Error::input(&args.folder, "found the record of a fit, expected the fit's folder, or a scene"));
     }
-    if scene && !matches!(format, Format::Gltf | Format::Pivots) {
+    if scene && !matches!(format, Format::Gltf | Format::Pivots) && !format.holds_scenes() {
         return Err(Error::Usage(format!(
-            "--to {}: {} is a scene, whose plants can be exported as gltf or pivots; expected a fit folder for other \
-             formats",
+            "--to {}: {} is a scene, whose plants can be exported as gltf or pivots, and which as a whole can be \
+             exported as {}; expected a fit folder for other formats",
             format.name(),
-            args.folder.display()
+            args.folder.display(),
+            Format::iter().filter(|f| f.holds_scenes()).map(Format::name).collect::<Vec<_>>().join(", ")
         )));
+    }
+    if let Some(view) = args.view.as_ref().filter(|_| !(scene && format.holds_scenes())) {
+        return Err(Error::argument("--view", view, "a scene that is exported as a whole"));
+    }
+    if times.is_some() && format.holds_scenes() {
+        return Err(Error::Usage(format!("--to {}: holds one time; expected --time, or --to gltf", format.name())));
     }
     if scene && (args.sun_zenith_deg.is_some() || args.ground != 0.0) {
         let what = "is a scene; --sun-zenith-deg, --turbidity and --ground are for sky fits";
@@ -164,22 +182,49 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
-    let written = place::file(&args.output, |path| match times {
-        Some([from, last]) => moving(&args.folder, from, last, args.step, path),
-        None if scene && format == Format::Pivots => pivots(&args.folder, path),
-        None if scene => posed(&args.folder, args.time, path),
+    let done: Exported = place::file(&args.output, |path| match times {
+        Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
+        None if scene && format == Format::Pivots => pivots(&args.folder, path).map(Into::into),
+        None if scene && format.holds_scenes() => whole(args, format, path),
+        None if scene => posed(&args.folder, args.time, path).map(Into::into),
         None => export(&args.folder, format, path, &options),
     })?;
     if stdout {
         return Ok(0);
     }
     if common.json {
-        let list: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
-        super::print_json(&serde_json::json!({"written": list}))?;
+        let list: Vec<String> = done.files.iter().map(|p| p.display().to_string()).collect();
+        let mut out = serde_json::json!({"written": list});
+        if let Some(lost) = &done.lost {
+            out["loss"] = lost.json().clone();
+        }
+        super::print_json(&out)?;
     } else {
-        written.iter().for_each(|p| progress::say(format_args!("written: {}", p.display())));
+        done.files.iter().for_each(|p| progress::say(format_args!("written: {}", p.display())));
+        done.lost.iter().flat_map(Lost::lines).for_each(progress::say);
     }
     Ok(0)
+}
+
+/// A whole scene at one time, as another renderer draws it.
+fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
+    let manifest = Manifest::read(&args.folder)?;
+    let ledger = Ledger::new();
+    let scene = Scene::open(manifest, Search { out: None, input_hash: None, free: false }, &ledger)?;
+    let view = traced::views(&scene, args.view.as_deref())?[0];
+    let time = args.time.unwrap_or_else(|| branch::time(&scene.manifest, view));
+    let world = reference::still(&scene, time, &ledger)?;
+    let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
+    let check = &scene.manifest.check;
+    let size = [check.width as usize, check.height as usize];
+    let mut shown = Shown::of_world(&world, &names, reference::camera(view), size, &scene.manifest.name);
+    if scene.placed.moves().any() {
+        shown.left_out.push(format!("wind: everything stands as at {time} s"));
+    }
+    if scene.manifest.leaves.iter().any(|l| l.translucency.is_some()) {
+        shown.left_out.push("translucency maps: the sun passes by the transmittance and the cosine alone".into());
+    }
+    assemble(&shown, format, path, true, &[&args.folder])
 }
 
 /// A scene whose plants are written, and a sentence about what is not.

@@ -4,15 +4,21 @@
 #![warn(missing_docs)]
 
 mod blade;
+pub mod coat;
 mod gltf;
+mod mitsuba;
 mod obj;
 mod packed;
+mod ply;
+pub mod shown;
 mod side;
 pub mod sky;
 mod table;
 mod texture;
 
+use coat::Lost;
 use mesophyll_files::atomic;
+use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_leaf::File;
 use mesophyll_optics::side::Side;
@@ -39,8 +45,11 @@ pub enum Format {
     /// The blade as binary glTF (.glb) in metres, rho_d as base colour: opaque, and right in any reader
     #[strum(to_string = "gltf", serialize = "glb")]
     Gltf,
-    /// The same with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission
+    /// The same with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission; a scene as a
+    /// whole, with camera and sun
     GltfTranslucent,
+    /// A folder with a scene for Mitsuba 3: scene.xml, meshes and textures, of a leaf or of a whole scene
+    Mitsuba,
     /// The blade as Wavefront OBJ in mm with normals, a material library and pictures beside it
     Obj,
     /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
@@ -63,7 +72,17 @@ impl Format {
 
     /// Whether it writes a folder.
     pub fn is_folder(self) -> bool {
-        matches!(self, Format::Png | Format::Packed | Format::Pivots)
+        matches!(self, Format::Png | Format::Packed | Format::Pivots) || self.is_assembly()
+    }
+
+    /// Whether it is a folder with a scene for another renderer.
+    pub fn is_assembly(self) -> bool {
+        matches!(self, Format::Mitsuba)
+    }
+
+    /// Whether a scene can be written so, with everything that stands in it.
+    pub fn holds_scenes(self) -> bool {
+        self.is_assembly() || self == Format::GltfTranslucent
     }
 
     /// Endings of the files that this format writes.
@@ -76,10 +95,56 @@ impl Format {
             Format::Json => &["json"],
             Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
             Format::Obj => &["obj"],
+            Format::Mitsuba => &["xml", "ply", "exr", "json"],
             Format::Wgsl => &["wgsl"],
             Format::C => &["h"],
         }
     }
+}
+
+/// What was written.
+#[derive(Debug, Default)]
+pub struct Exported {
+    /// Every file.
+    pub files: Vec<PathBuf>,
+    /// What the format cannot hold, where it is a material.
+    pub lost: Option<Lost>,
+}
+
+impl From<Vec<PathBuf>> for Exported {
+    fn from(files: Vec<PathBuf>) -> Self {
+        Exported { files, lost: None }
+    }
+}
+
+/// Writes what is shown as `format`, with its loss beside it: in a folder as `loss.json`, beside a file as
+/// `STEM.loss.json`. `scene` says whether it is a whole scene.
+///
+/// # Errors
+/// [`Error::Usage`] for a folder or file that holds something else; [`Error::Write`].
+pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, inputs: &[&Path]) -> Result<Exported> {
+    if !format.is_assembly() {
+        let lost = gltf::write(shown, path, format == Format::GltfTranslucent, scene)?;
+        return beside(path, vec![path.to_path_buf()], lost);
+    }
+    let _claim = claim::folder(path, Kind::Export, inputs)?;
+    claim::begin(path, Kind::Export)?;
+    let (mut files, lost) = match format {
+        _ => mitsuba::write(shown, path)?,
+    };
+    files.push(path.join("loss.json"));
+    lost.write(&path.join("loss.json"))?;
+    claim::finish(path)?;
+    Ok(Exported { files, lost: Some(lost) })
+}
+
+/// Writes the loss of a file beside it.
+fn beside(path: &Path, mut files: Vec<PathBuf>, lost: Lost) -> Result<Exported> {
+    let record = path.with_extension("loss.json");
+    claim::file(&record, &["json"], &[])?;
+    lost.write(&record)?;
+    files.push(record);
+    Ok(Exported { files, lost: Some(lost) })
 }
 
 /// Writes the fit in `folder` as `format` to `path`; returns every file written.
@@ -87,7 +152,7 @@ impl Format {
 /// # Errors
 /// [`Error::Input`] when the fit or a map that it needs cannot be read, [`Error::Usage`] when this kind of fit cannot
 /// be written in the format, [`Error::Write`].
-pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Vec<PathBuf>> {
+pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Exported> {
     let record = FitRecord::read(folder)?;
     if format == Format::Pivots {
         let what = format!("{} is a {} fit; --to pivots is for scenes with plants", folder.display(), record.kind);
@@ -103,7 +168,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
             return Err(Error::Usage(what));
         }
         atomic::write_bytes(path, sky::text(folder, format, sky)?.as_bytes())?;
-        return Ok(vec![path.to_path_buf()]);
+        return Ok(vec![path.to_path_buf()].into());
     }
     if matches!(format, Format::Wgsl | Format::C) || !sky.is_plain() {
         let what = format!(
@@ -121,7 +186,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     if format == Format::Json {
         warn_of_changes();
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
-        return Ok(vec![path.to_path_buf()]);
+        return Ok(vec![path.to_path_buf()].into());
     }
     let sides: Vec<SideMaps> = Side::ALL
         .into_iter()
@@ -134,16 +199,28 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         return Err(Error::Usage(what));
     }
     warn_of_changes();
-    match format {
-        Format::Json | Format::Pivots | Format::Wgsl | Format::C => Ok(Vec::new()),
-        Format::Png => texture::folder(&sides, folder, path),
-        Format::Packed => packed::folder(&sides, folder, path),
-        Format::Exr => one_exr(&sides, folder, path).map(|()| vec![path.to_path_buf()]),
-        Format::Csv => table::write(&sides, &record, path).map(|()| vec![path.to_path_buf()]),
-        Format::Gltf => gltf::write(&sides, folder, path, false).map(|()| vec![path.to_path_buf()]),
-        Format::GltfTranslucent => gltf::write(&sides, folder, path, true).map(|()| vec![path.to_path_buf()]),
-        Format::Obj => obj::write(&sides, &record, folder, path),
-    }
+    let alone = || vec![path.to_path_buf()];
+    Ok(match format {
+        Format::Json | Format::Pivots | Format::Wgsl | Format::C => Vec::new().into(),
+        Format::Png => texture::folder(&sides, folder, path)?.into(),
+        Format::Packed => packed::folder(&sides, folder, path)?.into(),
+        Format::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),
+        Format::Csv => table::write(&sides, &record, path).map(|()| alone())?.into(),
+        Format::Obj => {
+            let files = obj::write(&sides, &record, folder, path)?;
+            let shown = shown::Shown::of_fit(folder, &sides)?;
+            let unsaid = [
+                "transmitted light".to_string(),
+                "its gloss is Phong's, which readers scale differently: the errors are those of its matte colour alone"
+                    .to_string(),
+            ];
+            let coats = coat::coats(&shown, mesophyll_foreign::target::Target::Obj);
+            beside(path, files, Lost::new("obj", &coats, &unsaid))?
+        }
+        Format::Gltf | Format::GltfTranslucent | Format::Mitsuba => {
+            assemble(&shown::Shown::of_fit(folder, &sides)?, format, path, false, &[folder])?
+        }
+    })
 }
 
 /// The record as it is, and the times; numbers that are not finite become `null`.

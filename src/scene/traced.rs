@@ -119,8 +119,11 @@ pub fn render(
     Ok(())
 }
 
-/// The perspective views that are requested.
-pub(crate) fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a View>> {
+/// The perspective views that are requested; at least one.
+///
+/// # Errors
+/// [`Error::Usage`] for a scene without such views, or without this one.
+pub fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a View>> {
     let all: Vec<&View> = scene.manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     let names = || all.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
     match name {

@@ -31,7 +31,9 @@ pub(super) fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     if let Some(words) = marked(folder) {
         out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
     }
-    for kind in [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Import] {
+    for kind in
+        [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Export, Kind::Import]
+    {
         if let Some(mark) = marks(folder, kind).first() {
             out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
         }
@@ -53,6 +55,7 @@ pub(super) fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
         Kind::Bench => &[("bench.json", "rows")],
         Kind::Maps => &[("ranges.json", "files")],
         Kind::Pivots => &[("pivots.json", "elements")],
+        Kind::Export => &[("loss.json", "target")],
         Kind::Import => &[("import.json", "pieces")],
         Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],
     };

@@ -35,6 +35,8 @@ pub enum Kind<'a> {
     Maps,
     /// A plant's pivot textures: `pivots.json`.
     Pivots,
+    /// A scene or a leaf for another renderer: `loss.json`.
+    Export,
     /// Tables of a plant's branches: `import.json`.
     Import,
     /// Documentation pictures, which may lie beside anything but captures, fits and the other kinds.
@@ -52,6 +54,7 @@ impl Kind<'_> {
             Kind::Bench => "bench".into(),
             Kind::Maps => "folder of exported maps".into(),
             Kind::Pivots => "folder of pivot textures".into(),
+            Kind::Export => "folder for another renderer".into(),
             Kind::Import => "folder of a plant's tables".into(),
             Kind::Pictures => "folder of pictures".into(),
         }
@@ -66,6 +69,7 @@ impl Kind<'_> {
             Kind::Film | Kind::Render => &["json", "png", "exr"],
             Kind::Bench => &["json"],
             Kind::Pivots => &["json", "exr", "glb"],
+            Kind::Export => &["json", "xml", "pbrt", "mtlx", "usda", "py", "glb"],
             Kind::Import => &["json", "csv"],
             Kind::Pictures => &[],
         }
@@ -322,9 +326,10 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told = [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Import]
-        .into_iter()
-        .find(|kind| marks(home, *kind).contains(&name) || (*kind == Kind::Film && there && is_frame(home, name)));
+    let told =
+        [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Export, Kind::Import]
+            .into_iter()
+            .find(|kind| marks(home, *kind).contains(&name) || (*kind == Kind::Film && there && is_frame(home, name)));
     told.map(|kind| format!("a {}", kind.words()))
 }
 

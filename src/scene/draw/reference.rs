@@ -90,8 +90,17 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 /// # Errors
 /// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
 pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
-    let mut out = unlit(scene, time, ledger)?;
+    let mut out = still(scene, time, ledger)?;
     relight_everywhere(&mut out, scene)?;
+    Ok(out)
+}
+
+/// The same for callers whose leaves have no maps of sunlight that passes through them.
+///
+/// # Errors
+/// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
+pub fn still(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
+    let mut out = unlit(scene, time, ledger)?;
     out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {

@@ -1,0 +1,213 @@
+//! Leaves and scenes for other renderers: read by those renderers where they are installed, and by small readers here.
+
+use crate::common::skips::{Need, skip};
+use crate::common::{refused, run, succeeded};
+use mesophyll::export::coat::Coat;
+use mesophyll::export::shown::Shown;
+use mesophyll::export::{Format, assemble};
+use mesophyll::files::image;
+use mesophyll::foreign::target::Target;
+use mesophyll::optics::gloss::Lobe;
+use mesophyll::optics::side::Side;
+use mesophyll::transport::world::{Gloss, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
+use mesophyll::transport::{Camera, ReferenceSun};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::process::Command;
+
+/// The numbers that a Python script prints as JSON; a skip where Python has no `module`. `MESOPHYLL_PYTHON` names the
+/// interpreter.
+fn python(module: &str, script: &str, folder: &Path) -> Option<Value> {
+    let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
+    let found = Command::new(&python).args(["-c", &format!("import {module}")]).output();
+    if !found.is_ok_and(|out| out.status.success()) {
+        skip(Need::Peer, &format!("Python has no {module} (MESOPHYLL_PYTHON)"));
+        return None;
+    }
+    let out = Command::new(&python).args(["-c", script]).current_dir(folder).output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    Some(serde_json::from_slice(&out.stdout).unwrap())
+}
+
+/// Elements of an XML file, each opened and closed in order.
+fn elements(text: &str) -> usize {
+    let (mut open, mut count) = (Vec::new(), 0);
+    for tag in text.split('<').skip(1) {
+        let (tag, _) = tag.split_once('>').expect("a tag ends");
+        if tag.starts_with(['?', '!']) {
+            continue;
+        }
+        assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
+        let name = tag.trim_start_matches('/').split([' ', '/']).next().unwrap();
+        if tag.starts_with('/') {
+            assert_eq!(open.pop(), Some(name.to_string()));
+        } else {
+            count += 1;
+            if !tag.ends_with('/') {
+                open.push(name.to_string());
+            }
+        }
+    }
+    assert!(open.is_empty(), "{open:?} stay open");
+    count
+}
+
+/// A square with two texels beside each other, glossy, of another colour on each side.
+fn square(lobe: Lobe) -> World {
+    let maps = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| vec![a[c], b[c]]);
+    let side = |d: f32, m: f32| ReferenceSide {
+        interior: Interior::Maps {
+            rho_d: maps([d, 2.0 * d, 0.5 * d], [0.5 * d, d, d]),
+            rho_t: maps([0.03, 0.12, 0.02], [0.02, 0.2, 0.01]),
+        },
+        gloss: Some(Gloss { rho_s: maps([0.05, 0.06, 0.05], [0.04; 3]), m: vec![m, 1.3 * m] }),
+        normal: None,
+    };
+    let corner = |x: f64, y: f64| glam::DVec3::new(x, y, 0.0);
+    let mesh = ReferenceMesh {
+        positions: vec![corner(-10.0, 10.0), corner(10.0, 10.0), corner(10.0, -10.0), corner(-10.0, -10.0)],
+        normals: vec![glam::DVec3::Z; 4],
+        uvs: vec![
+            glam::DVec2::new(0.0, 0.0),
+            glam::DVec2::new(1.0, 0.0),
+            glam::DVec2::new(1.0, 1.0),
+            glam::DVec2::new(0.0, 1.0),
+        ],
+        indices: vec![0, 2, 1, 0, 3, 2],
+        ..ReferenceMesh::default()
+    };
+    let (front, back) = (side(0.08, 0.25), side(0.12, 0.4));
+    World {
+        leaves: vec![ReferenceLeaf { mesh, width: 2, height: 1, front, back, mask: None, lobe }],
+        instances: vec![Placement { leaf: 0, transform: glam::DMat4::IDENTITY }],
+        sun: Some(ReferenceSun { direction: glam::DVec3::new(0.3, 0.2, 0.9), irradiance: [3.0; 3], radius: 0.004 }),
+        sky: Some([0.2, 0.3, 0.4]),
+        ..World::default()
+    }
+}
+
+fn shown(lobe: Lobe) -> Shown {
+    let camera = Camera {
+        eye: glam::DVec3::new(0.0, -30.0, 50.0),
+        target: glam::DVec3::ZERO,
+        up: glam::DVec3::Z,
+        fov_y_deg: 30.0,
+    };
+    Shown::of_world(&square(lobe), &["a leaf".into()], camera, [24, 16], "square")
+}
+
+/// Mitsuba's own plugins give the numbers of our f64 form of them, in all directions and on both sides, and so the
+/// loss that is stated is the loss that Mitsuba shows.
+#[test]
+fn mitsuba_shows_what_was_computed() {
+    for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.5 }] {
+        let folder = tempfile::tempdir().unwrap();
+        let shown = shown(lobe);
+        let done = assemble(&shown, Format::Mitsuba, &folder.path().join("m"), true, &[]).unwrap();
+        assert!(done.files.iter().all(|f| f.is_file()), "{:?}", done.files);
+        let text = std::fs::read_to_string(folder.path().join("m/scene.xml")).unwrap();
+        assert!(elements(&text) > 20);
+        let coat = Coat::new(&shown.sheets[0], Target::Mitsuba);
+        let mut asked = Vec::new();
+        for k in 0..60u32 {
+            let at = |a: f64| (f64::from(k) * a).fract();
+            let direction = |x: f64, y: f64| {
+                let z = 0.05 + 0.94 * x;
+                let (sin, cos) = (std::f64::consts::TAU * y).sin_cos();
+                let r = (1.0 - z * z).sqrt();
+                [r * cos, r * sin, z]
+            };
+            let (v, l) = (direction(at(0.618034), at(0.41421)), direction(at(0.7320508), at(0.236068)));
+            let (texel, side) = ((k % 2) as usize, Side::ALL[(k / 2 % 2) as usize]);
+            let seen = coat.coder.seen(&coat.coded[texel][side]);
+            let both = seen.both(v, l, seen.left(v));
+            // Seen from the back, z points the other way.
+            let up = if side == Side::Front { 1.0 } else { -1.0 };
+            let turn = |d: [f64; 3], z: f64| [d[0], d[1], z * d[2]];
+            let uv = [0.25 + 0.5 * f64::from(k % 2), 0.5];
+            asked.push(json!([uv, turn(v, up), turn(l, up), both[0]]));
+            asked.push(json!([uv, turn(v, up), turn(l, -up), both[1]]));
+        }
+        std::fs::write(folder.path().join("asked.json"), json!(asked).to_string()).unwrap();
+        let script = "
+import json, mitsuba as mi
+mi.set_variant('scalar_rgb')
+scene = mi.load_file('m/scene.xml')
+bsdf = scene.shapes()[0].bsdf()
+si = mi.SurfaceInteraction3f()
+si.t, si.n, si.sh_frame = 1, mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Vector3f(0, 0, 1))
+si.dp_du, si.dp_dv = mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0)
+out = []
+for uv, v, l, want in json.load(open('asked.json')):
+    si.uv, si.wi = mi.Point2f(*uv), mi.Vector3f(*v)
+    found = bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(*l))
+    out.append(max(abs(found[c] / abs(l[2]) - want[c]) / (abs(want[c]) + 1e-4) for c in range(3)))
+print(json.dumps(max(out)))";
+        let Some(worst) = python("mitsuba", script, folder.path()) else { return };
+        // Single precision, and the scene's numbers in textures of single precision.
+        assert!(worst.as_f64().unwrap() < 1e-3, "{lobe:?}: {worst}");
+    }
+}
+
+/// A picture by Mitsuba of a committed scene: on the leaf, squares of pixels have our path tracer's radiance, up to the
+/// stated loss and to the noise.
+#[test]
+fn mitsubas_picture_is_ours() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join("data/scenes/glossy-sky.toml")).unwrap();
+    let small = text.replace("width = 800", "width = 80").replace("height = 600", "height = 60");
+    let scene = folder.path().join("small.toml");
+    std::fs::write(&scene, small.replace("../../fits", &root.join("fits").display().to_string())).unwrap();
+    let to = |name: &str| folder.path().join(name).display().to_string();
+    let scene = scene.display().to_string();
+    succeeded(&run(["export", &scene, "--to", "mitsuba", "--view", "glance", "-o", &to("m")]));
+    let script = "
+import json, mitsuba as mi, numpy as np
+mi.set_variant('scalar_rgb')
+scene = mi.load_file('m/scene.xml')
+sensor = scene.sensors()[0]
+on = [bool(scene.ray_test(sensor.sample_ray(0, .5, mi.Point2f((x + .5) / 80, (y + .5) / 60), mi.Point2f(.5))[0]))
+      for y in range(60) for x in range(80)]
+print(json.dumps([on, np.array(mi.render(scene, spp=48)).ravel().tolist()]))";
+    let Some(theirs) = python("mitsuba", script, folder.path()) else { return };
+    succeeded(&run(["render", &scene, "--view", "glance", "--samples", "64", "-o", &to("r")]));
+    let ours = image::read_exr(&folder.path().join("r/glance.exr")).unwrap();
+    let lost: Value = serde_json::from_slice(&std::fs::read(folder.path().join("m/loss.json")).unwrap()).unwrap();
+    let stated = lost["surfaces"][0]["front"]["brdf_rms"].as_f64().unwrap();
+    let on: Vec<bool> = serde_json::from_value(theirs[0].clone()).unwrap();
+    let pixels: Vec<f64> = serde_json::from_value(theirs[1].clone()).unwrap();
+    let (block, mut squares, mut reference, mut blocks) = (4, 0.0, 0.0, 0);
+    for (y, x) in (0..60 / block).flat_map(|y| (0..80 / block).map(move |x| (y * block, x * block))) {
+        let inside: Vec<usize> = (0..block * block).map(|k| (y + k / block) * 80 + x + k % block).collect();
+        if inside.iter().all(|k| on[*k]) {
+            blocks += 1;
+            for (c, name) in ["R", "G", "B"].iter().enumerate() {
+                let (a, b) = inside
+                    .iter()
+                    .fold((0.0, 0.0), |(a, b), k| (a + f64::from(ours.get(name).unwrap()[*k]), b + pixels[3 * k + c]));
+                squares += (a - b) * (a - b);
+                reference += a * a;
+            }
+        }
+    }
+    let rms = (squares / reference).sqrt();
+    assert!(blocks > 40, "{blocks}");
+    assert!(rms < stated, "{rms} against {stated}");
+}
+
+#[test]
+fn what_cannot_be_exported_as_a_whole_is_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("x").display().to_string();
+    let scene = "data/scenes/front-lit.toml";
+    refused(&run(["export", scene, "--to", "mitsuba", "--view", "nothing", "-o", &out]), 2, &["nothing", "front"]);
+    refused(&run(["export", scene, "--to", "gltf", "--view", "front", "-o", &out]), 2, &["--view"]);
+    refused(
+        &run(["export", scene, "--to", "mitsuba", "--from", "0", "--until", "1", "-o", &out]),
+        2,
+        &["holds one time"],
+    );
+    refused(&run(["export", scene, "--to", "csv", "-o", &out]), 2, &["is a scene", "mitsuba"]);
+    assert!(!Path::new(&out).exists());
+}
