@@ -129,9 +129,7 @@ pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, 
     }
     let _claim = claim::folder(path, Kind::Export, inputs)?;
     claim::begin(path, Kind::Export)?;
-    let (mut files, lost) = match format {
-        _ => mitsuba::write(shown, path)?,
-    };
+    let (mut files, lost) = mitsuba::write(shown, path)?;
     files.push(path.join("loss.json"));
     lost.write(&path.join("loss.json"))?;
     claim::finish(path)?;
