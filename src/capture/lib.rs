@@ -7,6 +7,7 @@ pub mod beams;
 mod calibrate;
 pub mod dome;
 mod field;
+pub mod goniometer;
 pub mod grid;
 pub mod inspect;
 pub mod kind;

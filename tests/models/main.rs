@@ -7,6 +7,7 @@ mod beam;
 mod common;
 mod dipole;
 mod gloss;
+mod goniometer;
 mod lobes;
 mod properties;
 mod sky;

@@ -3,6 +3,7 @@
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_capture::goniometer;
 use mesophyll_files::table::{self, BatchIo, Table, Tally};
 use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
 use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter, samples};
@@ -18,7 +19,8 @@ pub struct Args {
     /// The device (TOML); the input has a trace a row: r0 … r{n-1}, optionally g0 …, b0 …
     #[arg(long, value_name = "GEOMETRY.toml", required_unless_present = "samples", conflicts_with = "samples")]
     geometry: Option<PathBuf>,
-    /// The input holds goniometer samples: leaf, source_zenith_deg, view_zenith_deg, view_azimuth_deg and value columns
+    /// The input holds goniometer samples: leaf, source_zenith_deg, view_zenith_deg, view_azimuth_deg and value columns;
+    /// or it is a file of a public database, MERL (.binary) or RGL (.bsdf)
     #[arg(long)]
     samples: bool,
     /// With --samples: columns of reflectance factors, by comma (default: those whose names begin with brf)
@@ -60,10 +62,26 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let lobe = args.lobe.lobe()?;
     let (tally, row) = match &args.geometry {
         Some(path) => (traces(args, common, &Geometry::read(path)?, lobe)?, "row"),
-        None => (samples::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &args.values, lobe)?, "leaf"),
+        None => {
+            let (table, values) = directions(args)?;
+            (samples::run(table, &args.io.rows(common.json), &values, lobe)?, "leaf")
+        }
     };
     batch::say_tally(&tally, &args.io, common, row)?;
     Ok(0)
+}
+
+/// Goniometer samples from a table or from a file of a public database, and the columns that are fitted.
+fn directions(args: &Args) -> Result<(Table, Vec<String>)> {
+    let path = &args.io.input;
+    if !goniometer::is_goniometer(path) {
+        return Ok((Table::open(path)?, args.values.clone()));
+    }
+    let readings = goniometer::Readings::read(path)?;
+    let leaf = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let csv = std::io::Cursor::new(readings.csv(&leaf).into_bytes());
+    let values = if args.values.is_empty() { readings.chosen } else { args.values.clone() };
+    Ok((Table::from_reader(Box::new(csv), path.clone())?, values))
 }
 
 fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Result<Tally> {
