@@ -10,7 +10,7 @@
 use super::blade::Mesh;
 use super::texture::{Turn, encode, normal_pixel};
 use crate::coat::{Coat, Lost, coats};
-use crate::shown::{Shown, Sky};
+use crate::shown::{Sheet, Shown, Sky};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::glb::{self, Glb};
@@ -23,13 +23,30 @@ use std::path::Path;
 /// Normal reflectance that a reader assumes (index 1.5).
 const ASSUMED_F0: f64 = 0.04;
 
-/// Writes `path` (.glb): a leaf alone with its axes, or a whole scene with y up, its camera and its sun.
+/// What a file is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A leaf alone with its own axes, opaque.
+    Opaque,
+    /// The same with transmitted light.
+    Translucent,
+    /// A whole scene with transmitted light, y up, its camera and its sun.
+    Scene,
+    /// A whole scene of shapes, places and camera; materials are names alone, one a sheet, and there is no light.
+    Bare,
+}
+
+/// Writes `path` (.glb).
 ///
 /// # Errors
 /// [`Error::Write`].
-pub fn write(shown: &Shown, path: &Path, translucent: bool, scene: bool) -> Result<Lost> {
+pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
+    let (translucent, scene) = (kind != Kind::Opaque, matches!(kind, Kind::Scene | Kind::Bare));
     let (target, name) =
         if translucent { (Target::GltfTranslucent, "gltf-translucent") } else { (Target::Gltf, "gltf") };
+    if kind == Kind::Bare {
+        return bare(shown, path).map(|()| Lost::new(name, &[], &[]));
+    }
     let coats = coats(shown, target);
     let mut file = Glb::default();
     let (mut meshes, mut materials) = (Vec::new(), Vec::new());
@@ -58,7 +75,10 @@ pub fn write(shown: &Shown, path: &Path, translucent: bool, scene: bool) -> Resu
         "materials": materials,
     });
     if scene {
-        nodes(&mut root, shown, &mut used);
+        nodes(&mut root, shown);
+        if sun(&mut root, shown) {
+            used.push("KHR_lights_punctual");
+        }
     } else {
         root["scenes"] = json!([{"nodes": [0]}]);
         root["nodes"] = json!([{"mesh": 0, "name": "blade", "scale": [0.001, 0.001, 0.001]}]);
@@ -176,8 +196,20 @@ fn with_alpha(path: &Path, [width, height]: [usize; 2], pixel: &dyn Fn(usize) ->
     Ok(bytes)
 }
 
+/// Writes shapes, places and camera.
+fn bare(shown: &Shown, path: &Path) -> Result<()> {
+    let mut file = Glb::default();
+    let mut mesh =
+        |(k, sheet): (usize, &Sheet)| json!({"name": sheet.name, "primitives": [primitive(&mut file, &sheet.mesh, k)]});
+    let meshes: Vec<Value> = shown.sheets.iter().enumerate().map(&mut mesh).collect();
+    let materials: Vec<Value> = shown.sheets.iter().map(|s| json!({"name": s.name, "doubleSided": true})).collect();
+    let mut root = json!({"asset": glb::asset(), "scene": 0, "meshes": meshes, "materials": materials});
+    nodes(&mut root, shown);
+    file.write(path, root)
+}
+
 /// A node at `eye` whose −z points to `target`.
-fn looking(eye: DVec3, target: DVec3, up: DVec3) -> DMat4 {
+pub fn looking(eye: DVec3, target: DVec3, up: DVec3) -> DMat4 {
     let back = (eye - target).normalize();
     let right = up.cross(back).normalize();
     let up = back.cross(right);
@@ -185,7 +217,7 @@ fn looking(eye: DVec3, target: DVec3, up: DVec3) -> DMat4 {
 }
 
 /// The nodes of a scene: everything below one node that turns z up into y up and mm into metres.
-fn nodes(root: &mut Value, shown: &Shown, used: &mut Vec<&'static str>) {
+fn nodes(root: &mut Value, shown: &Shown) {
     let mut all = vec![Value::Null];
     for (sheet, place) in &shown.places {
         all.push(json!({"mesh": sheet, "name": shown.sheets[*sheet].name, "matrix": place.to_cols_array()}));
@@ -201,23 +233,6 @@ fn nodes(root: &mut Value, shown: &Shown, used: &mut Vec<&'static str>) {
             "znear": 0.001,
         },
     }]);
-    if let Some(sun) = &shown.sun {
-        // A light shines along its own −z.
-        let toward = sun.direction.normalize();
-        let up = if toward.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
-        let turn = looking(DVec3::ZERO, -toward, up);
-        all.push(json!({
-            "name": "sun",
-            "matrix": turn.to_cols_array(),
-            "extensions": {"KHR_lights_punctual": {"light": 0}},
-        }));
-        let most = sun.irradiance.into_iter().fold(f64::MIN_POSITIVE, f64::max);
-        let light = json!({
-            "type": "directional", "name": "sun", "intensity": most, "color": sun.irradiance.map(|v| v.max(0.0) / most),
-        });
-        root["extensions"] = json!({"KHR_lights_punctual": {"lights": [light]}});
-        used.push("KHR_lights_punctual");
-    }
     let half = 0.5f64.sqrt();
     all[0] = json!({
         "name": shown.name,
@@ -227,4 +242,27 @@ fn nodes(root: &mut Value, shown: &Shown, used: &mut Vec<&'static str>) {
     });
     root["nodes"] = json!(all);
     root["scenes"] = json!([{"nodes": [0]}]);
+}
+
+/// Adds the sun to the nodes; false where there is none.
+fn sun(root: &mut Value, shown: &Shown) -> bool {
+    let (Some(sun), Some(nodes)) = (&shown.sun, root["nodes"].as_array_mut()) else { return false };
+    // A light shines along its own −z.
+    let toward = sun.direction.normalize();
+    let up = if toward.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
+    let last = nodes.len();
+    nodes.push(json!({
+        "name": "sun",
+        "matrix": looking(DVec3::ZERO, -toward, up).to_cols_array(),
+        "extensions": {"KHR_lights_punctual": {"light": 0}},
+    }));
+    if let Some(children) = nodes[0]["children"].as_array_mut() {
+        children.push(json!(last));
+    }
+    let most = sun.irradiance.into_iter().fold(f64::MIN_POSITIVE, f64::max);
+    let light = json!({
+        "type": "directional", "name": "sun", "intensity": most, "color": sun.irradiance.map(|v| v.max(0.0) / most),
+    });
+    root["extensions"] = json!({"KHR_lights_punctual": {"lights": [light]}});
+    true
 }

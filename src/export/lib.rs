@@ -4,17 +4,21 @@
 #![warn(missing_docs)]
 
 mod blade;
+mod blender;
 pub mod coat;
 mod gltf;
+mod materialx;
 mod mitsuba;
 mod obj;
 mod packed;
+mod pbrt;
 mod ply;
 pub mod shown;
 mod side;
 pub mod sky;
 mod table;
 mod texture;
+mod usd;
 
 use coat::Lost;
 use mesophyll_files::atomic;
@@ -50,6 +54,15 @@ pub enum Format {
     GltfTranslucent,
     /// A folder with a scene for Mitsuba 3: scene.xml, meshes and textures, of a leaf or of a whole scene
     Mitsuba,
+    /// The same for pbrt-v4: scene.pbrt
+    Pbrt,
+    /// The same as OpenUSD text with UsdPreviewSurface: scene.usda
+    Usd,
+    /// The same for Blender: scene.py, a script that builds the scene
+    Blender,
+    /// A folder with the materials alone, as MaterialX with OpenPBR: leaf.mtlx
+    #[strum(to_string = "materialx", serialize = "mtlx")]
+    Materialx,
     /// The blade as Wavefront OBJ in mm with normals, a material library and pictures beside it
     Obj,
     /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
@@ -77,7 +90,7 @@ impl Format {
 
     /// Whether it is a folder with a scene for another renderer.
     pub fn is_assembly(self) -> bool {
-        matches!(self, Format::Mitsuba)
+        matches!(self, Format::Mitsuba | Format::Pbrt | Format::Usd | Format::Blender | Format::Materialx)
     }
 
     /// Whether a scene can be written so, with everything that stands in it.
@@ -96,6 +109,10 @@ impl Format {
             Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
             Format::Obj => &["obj"],
             Format::Mitsuba => &["xml", "ply", "exr", "json"],
+            Format::Pbrt => &["pbrt", "ply", "exr", "json"],
+            Format::Usd => &["usda", "exr", "json"],
+            Format::Blender => &["py", "glb", "exr", "json"],
+            Format::Materialx => &["mtlx", "exr", "json"],
             Format::Wgsl => &["wgsl"],
             Format::C => &["h"],
         }
@@ -124,12 +141,24 @@ impl From<Vec<PathBuf>> for Exported {
 /// [`Error::Usage`] for a folder or file that holds something else; [`Error::Write`].
 pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, inputs: &[&Path]) -> Result<Exported> {
     if !format.is_assembly() {
-        let lost = gltf::write(shown, path, format == Format::GltfTranslucent, scene)?;
+        let kind = match (format, scene) {
+            (_, true) => gltf::Kind::Scene,
+            (Format::Gltf, false) => gltf::Kind::Opaque,
+            _ => gltf::Kind::Translucent,
+        };
+        let lost = gltf::write(shown, path, kind)?;
         return beside(path, vec![path.to_path_buf()], lost);
     }
     let _claim = claim::folder(path, Kind::Export, inputs)?;
     claim::begin(path, Kind::Export)?;
-    let (mut files, lost) = mitsuba::write(shown, path)?;
+    let write = match format {
+        Format::Pbrt => pbrt::write,
+        Format::Usd => usd::write,
+        Format::Blender => blender::write,
+        Format::Materialx => materialx::write,
+        _ => mitsuba::write,
+    };
+    let (mut files, lost) = write(shown, path)?;
     files.push(path.join("loss.json"));
     lost.write(&path.join("loss.json"))?;
     claim::finish(path)?;
@@ -215,9 +244,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
             let coats = coat::coats(&shown, mesophyll_foreign::target::Target::Obj);
             beside(path, files, Lost::new("obj", &coats, &unsaid))?
         }
-        Format::Gltf | Format::GltfTranslucent | Format::Mitsuba => {
-            assemble(&shown::Shown::of_fit(folder, &sides)?, format, path, false, &[folder])?
-        }
+        _ => assemble(&shown::Shown::of_fit(folder, &sides)?, format, path, false, &[folder])?,
     })
 }
 

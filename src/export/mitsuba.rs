@@ -38,7 +38,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     for coat in &coats {
         material(&mut text, coat, &mut textures)?;
         let path = folder.join(format!("meshes/{}.ply", coat.sheet.name));
-        ply::write(&coat.sheet.mesh, &path)?;
+        ply::write(&coat.sheet.mesh, &path, false)?;
         meshes.push(path);
     }
     places(&mut text, shown);
@@ -103,10 +103,8 @@ fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()
             );
         }
         Sky::Map(map) => {
-            // The plugin turns its azimuth the other way, so the columns are reversed.
-            let [columns, _] = map.size;
-            let at = |k: usize| map.texels[k / columns * columns + columns - 1 - k % columns];
-            if let Paint::File(file) = textures.picture("sky", map.size, at)? {
+            // The plugin turns its azimuth the other way: column 0 is at azimuth 0 and the next below it.
+            if let Paint::File(file) = textures.picture("sky", map.size, |k| map.against(k, 0))? {
                 let _ = writeln!(
                     text,
                     "  <emitter type=\"envmap\"><string name=\"filename\" value=\"{file}\"/><transform \

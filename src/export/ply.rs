@@ -5,11 +5,11 @@ use crate::blade::Mesh;
 use mesophyll_files::atomic;
 use std::path::Path;
 
-/// Writes a mesh.
+/// Writes a mesh. v is 0 at the top of the pictures, or with `upward` at their bottom.
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(mesh: &Mesh, path: &Path) -> Result<()> {
+pub fn write(mesh: &Mesh, path: &Path, upward: bool) -> Result<()> {
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment mesophyll, lengths in mm\nelement vertex {}\n\
          property float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\n\
@@ -20,7 +20,8 @@ pub fn write(mesh: &Mesh, path: &Path) -> Result<()> {
     )
     .into_bytes();
     for ((p, n), t) in mesh.positions.iter().zip(&mesh.normals).zip(&mesh.uvs) {
-        bytes.extend(p.iter().chain(n).chain(t).flat_map(|v| v.to_le_bytes()));
+        let t = [t[0], if upward { 1.0 - t[1] } else { t[1] }];
+        bytes.extend(p.iter().chain(n).chain(&t).flat_map(|v| v.to_le_bytes()));
     }
     for t in mesh.indices.chunks_exact(3) {
         bytes.push(3);

@@ -287,6 +287,20 @@ impl Shown {
 }
 
 impl SkyMap {
+    /// Texel `k` of the same picture with columns against the azimuth, from `first` columns on: (first − i − ½)·360°/W.
+    pub fn against(&self, k: usize, first: usize) -> [f32; 3] {
+        let [columns, _] = self.size;
+        self.texels[k / columns * columns + (first + 2 * columns - 1 - k % columns) % columns]
+    }
+
+    /// Radiance from a unit direction, that of the nearest texel.
+    pub fn at(&self, d: DVec3) -> [f32; 3] {
+        let [columns, rows] = self.size;
+        let row = (d.z.clamp(-1.0, 1.0).acos() / PI * rows as f64) as usize;
+        let column = (d.y.atan2(d.x).rem_euclid(TAU) / TAU * columns as f64) as usize;
+        self.texels[row.min(rows - 1) * columns + column.min(columns - 1)]
+    }
+
     /// The sky of a world in equal steps of angle.
     fn of(world: &World) -> SkyMap {
         let [columns, rows] = SKY;

@@ -125,7 +125,8 @@ impl Coder {
     ///   transmission factor; `diffuse` and `through` are the base colour and the transmission colour. f = (1 − w)
     ///   ((1 − t) base + t colour) + gloss, where w is also the reflectance at grazing incidence.
     /// - pbrt: `weight` is the amount of the metal, `gloss` its reflectance, the others are divided by 1 − amount.
-    /// - OpenPBR: `diffuse` is the subsurface colour C, `share` its anisotropy g: R = C (1 − g)/2, T = C (1 + g)/2.
+    /// - OpenPBR: `diffuse` is the subsurface colour C, `share` its anisotropy g: R = C² (1 − g)/2, T = C² (1 + g)/2.
+    ///   The colour enters twice in the reference graph (MaterialX 1.39, `open_pbr_surface`).
     pub fn encode(&self, texel: &Texel) -> Sides<Coded> {
         let [front, back] = Side::ALL.map(|s| texel.sides[s]);
         let mean = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c]));
@@ -195,7 +196,7 @@ impl Coder {
         let phi = 0.5 * (2.0 * rt).atan2(rr - tt);
         let (cos, sin) = (phi.cos().max(0.0), phi.sin().max(0.0));
         let sum = (cos + sin).max(1e-12);
-        let colour = [0, 1, 2].map(|c| ((cos * r[c] + sin * t[c]) * sum).clamp(0.0, 1.0));
+        let colour = [0, 1, 2].map(|c| ((cos * r[c] + sin * t[c]) * sum).clamp(0.0, 1.0).sqrt());
         Coded { diffuse: colour, share: (sin - cos) / sum, gloss: n.colour, alpha: n.alpha, ..Coded::default() }
     }
 
@@ -226,8 +227,8 @@ impl Coder {
                 under: Under::Added,
             },
             Target::OpenPbr => Seen {
-                diffuse: c.diffuse.map(|d| d * 0.5 * (1.0 - c.share)),
-                through: c.diffuse.map(|d| d * 0.5 * (1.0 + c.share)),
+                diffuse: c.diffuse.map(|d| d * d * 0.5 * (1.0 - c.share)),
+                through: c.diffuse.map(|d| d * d * 0.5 * (1.0 + c.share)),
                 under: Under::Albedo,
                 ..plain
             },

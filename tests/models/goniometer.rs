@@ -46,7 +46,7 @@ fn finds_the_lobe(file: &Path, names: [&str; 3]) {
 /// A material in MERL's cells, computed at the middle of each cell that lies above the surface.
 fn merl() -> Vec<u8> {
     let (sizes, mut count) = ([90usize, 90, 180], 0);
-    let mut planes = vec![Vec::with_capacity(8 * 90 * 90 * 180); 3];
+    let mut planes = vec![Vec::new(); 3];
     for i in 0..sizes[0] {
         for j in 0..sizes[1] {
             for k in 0..sizes[2] {

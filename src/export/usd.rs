@@ -1,0 +1,182 @@
+//! OpenUSD text with UsdPreviewSurface: `scene.usda` and textures as OpenEXR.
+//!
+//! UsdPreviewSurface has one side and transmits nothing; the front's colours are on both sides. v runs upwards.
+
+use crate::Result;
+use crate::coat::{Coat, Lost, Paint, Textures, coats};
+use crate::shown::{Shown, Sky};
+use glam::{DMat4, DVec3};
+use mesophyll_files::atomic;
+use mesophyll_foreign::target::Target;
+use mesophyll_optics::side::Side;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Writes the folder; returns its files and what is lost.
+///
+/// # Errors
+/// [`crate::Error::Write`].
+pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
+    let coats = coats(shown, Target::Usd);
+    let mut textures = Textures::new(folder);
+    let mut text = String::from(
+        "#usda 1.0\n(\n    defaultPrim = \"World\"\n    metersPerUnit = 0.001\n    upAxis = \"Z\"\n)\n\nclass Scope \
+         \"Sheets\"\n{\n",
+    );
+    for coat in &coats {
+        sheet(&mut text, coat, &mut textures)?;
+    }
+    text.push_str("}\n\ndef Xform \"World\"\n{\n");
+    for (k, (of, place)) in shown.places.iter().enumerate() {
+        let name = &shown.sheets[*of].name;
+        let _ = writeln!(
+            text,
+            "    def Xform \"{name}_{k}\" (\n        instanceable = true\n        references = </Sheets/{name}>\n    \
+             )\n    {{\n{}    }}",
+            transform(place)
+        );
+    }
+    lights(&mut text, shown, &mut textures)?;
+    text.push_str("}\n");
+    let mut unsaid = shown.left_out.clone();
+    unsaid.push("transmitted light, and the back: the front's colours are on both sides".into());
+    let lost = Lost::new("usd", &coats, &unsaid);
+    let path = folder.join("scene.usda");
+    atomic::write_bytes(&path, text.as_bytes())?;
+    let mut written = vec![path];
+    written.append(&mut textures.written);
+    Ok((written, lost))
+}
+
+/// A transform; USD multiplies row vectors, so its rows are our columns.
+fn transform(m: &DMat4) -> String {
+    let row = |c: usize| {
+        let v = m.col(c);
+        format!("({}, {}, {}, {})", v.x, v.y, v.z, v.w)
+    };
+    format!(
+        "        matrix4d xformOp:transform = ( {}, {}, {}, {} )\n        uniform token[] xformOpOrder = \
+         [\"xformOp:transform\"]\n",
+        row(0),
+        row(1),
+        row(2),
+        row(3)
+    )
+}
+
+fn list<T>(values: impl IntoIterator<Item = T>, shown: impl Fn(T) -> String) -> String {
+    values.into_iter().map(shown).collect::<Vec<_>>().join(", ")
+}
+
+fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> {
+    let (sheet, mesh) = (coat.sheet, &coat.sheet.mesh);
+    let three = |v: &[f32; 3]| format!("({}, {}, {})", v[0], v[1], v[2]);
+    let _ = writeln!(
+        text,
+        "    def Xform \"{}\"\n    {{\n        def Mesh \"Mesh\" (\n            prepend apiSchemas = \
+         [\"MaterialBindingAPI\"]\n        )\n        {{\n            uniform bool doubleSided = 1\n            uniform \
+         token subdivisionScheme = \"none\"\n            int[] faceVertexCounts = [{}]\n            int[] \
+         faceVertexIndices = [{}]\n            point3f[] points = [{}]\n            normal3f[] normals = [{}] (\n                \
+         interpolation = \"vertex\"\n            )\n            texCoord2f[] primvars:st = [{}] (\n                \
+         interpolation = \"vertex\"\n            )\n            rel material:binding = \
+         <../Material>\n        }}",
+        sheet.name,
+        list(mesh.indices.chunks_exact(3), |_| "3".into()),
+        list(&mesh.indices, u32::to_string),
+        list(&mesh.positions, three),
+        list(&mesh.normals, three),
+        list(&mesh.uvs, |t| format!("({}, {})", t[0], 1.0 - t[1])),
+    );
+    let of = |k: usize| &coat.coded[k].front;
+    let mut inputs = String::from("                int inputs:useSpecularWorkflow = 1\n");
+    let mut nodes = String::new();
+    let mut add = |input: &str, kind: &str, paint: &Paint, decode: bool| {
+        let _ = match paint {
+            Paint::Flat([v, ..]) if kind == "float" => writeln!(inputs, "                float inputs:{input} = {v}"),
+            Paint::Flat([r, g, b]) => writeln!(inputs, "                {kind} inputs:{input} = ({r}, {g}, {b})"),
+            Paint::File(file) => {
+                let output = if kind == "float" { "r" } else { "rgb" };
+                let scale = if decode {
+                    "                float4 inputs:scale = (2, 2, 2, 1)\n                float4 inputs:bias = (-1, \
+                     -1, -1, 0)\n"
+                } else {
+                    ""
+                };
+                let out = if kind == "float" { "float outputs:r" } else { "float3 outputs:rgb" };
+                let _ = writeln!(
+                    nodes,
+                    "            def Shader \"{input}\"\n            {{\n                uniform token info:id = \
+                     \"UsdUVTexture\"\n                asset inputs:file = @{file}@\n                token \
+                     inputs:sourceColorSpace = \"raw\"\n                token inputs:wrapS = \"clamp\"\n                \
+                     token inputs:wrapT = \"clamp\"\n{scale}                float2 inputs:st.connect = \
+                     <../st.outputs:result>\n                {out}\n            }}"
+                );
+                writeln!(inputs, "                {kind} inputs:{input}.connect = <../{input}.outputs:{output}>")
+            }
+        };
+    };
+    add("diffuseColor", "color3f", &textures.colour(sheet, "diffuse", |k| of(k).diffuse)?, false);
+    add("specularColor", "color3f", &textures.colour(sheet, "gloss", |k| of(k).gloss)?, false);
+    let roughness = textures.colour(sheet, "roughness", |k| [of(k).alpha.max(0.0).sqrt(); 3])?;
+    add("roughness", "float", &roughness, false);
+    if let Some(normals) = textures.normals(sheet, Side::Front)? {
+        add("normal", "normal3f", &normals, true);
+    }
+    if let Some(mask) = &sheet.mask {
+        let on = |k: usize| [f32::from(u8::from(mask[k])); 3];
+        add("opacity", "float", &textures.picture(&format!("{}_mask", sheet.name), sheet.size, on)?, false);
+    }
+    let _ = writeln!(
+        text,
+        "        def Material \"Material\"\n        {{\n            token outputs:surface.connect = \
+         <Surface.outputs:surface>\n            def Shader \"Surface\"\n            {{\n                uniform token \
+         info:id = \"UsdPreviewSurface\"\n{inputs}                token outputs:surface\n            }}\n            def \
+         Shader \"st\"\n            {{\n                uniform token info:id = \"UsdPrimvarReader_float2\"\n                \
+         string inputs:varname = \"st\"\n                float2 outputs:result\n            }}\n{nodes}        }}\n    }}"
+    );
+    Ok(())
+}
+
+fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()> {
+    let c = &shown.camera;
+    // The picture is 24 mm high, in tenths of a scene unit.
+    let (height, aspect) = (24.0, shown.size[0] as f64 / shown.size[1] as f64);
+    let focal = 0.5 * height / (0.5 * c.fov_y_deg.to_radians()).tan();
+    let _ = writeln!(
+        text,
+        "    def Camera \"Camera\"\n    {{\n        float focalLength = {focal}\n        float horizontalAperture = {}\n        \
+         float verticalAperture = {height}\n        float2 clippingRange = (1, 1e7)\n{}    }}",
+        height * aspect,
+        transform(&crate::gltf::looking(c.eye, c.target, c.up))
+    );
+    if let Some(sun) = &shown.sun {
+        let [r, g, b] = sun.irradiance;
+        let toward = sun.direction.normalize();
+        let up = if toward.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
+        let _ = writeln!(
+            text,
+            "    def DistantLight \"Sun\"\n    {{\n        float inputs:angle = {}\n        bool inputs:normalize = 1\n        \
+             float inputs:intensity = 1\n        color3f inputs:color = ({r}, {g}, {b})\n{}    }}",
+            2.0 * sun.radius.to_degrees(),
+            transform(&crate::gltf::looking(DVec3::ZERO, -toward, up))
+        );
+    }
+    let file = match &shown.sky {
+        Sky::None => return Ok(()),
+        Sky::Even([r, g, b]) => format!("        color3f inputs:color = ({r}, {g}, {b})\n"),
+        // The picture's columns run as OpenEXR's: against the azimuth, from a quarter turn on.
+        Sky::Map(map) => match textures.picture("sky", map.size, |k| map.against(k, map.size[0] / 4))? {
+            Paint::File(file) => format!(
+                "        asset inputs:texture:file = @{file}@\n        token inputs:texture:format = \"latlong\"\n"
+            ),
+            Paint::Flat(_) => String::new(),
+        },
+    };
+    let turn = DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let _ = writeln!(
+        text,
+        "    def DomeLight \"Sky\"\n    {{\n        float inputs:intensity = 1\n{file}{}    }}",
+        transform(&turn)
+    );
+    Ok(())
+}
