@@ -60,11 +60,23 @@ pub struct Options {
     pub leaves: Option<PathBuf>,
     /// Fits again although the folder already holds this very fit.
     pub force: bool,
+    /// Whether `view.png` is drawn, a picture of the meadow and of its slices for people. It takes about three million
+    /// rays, whatever the other options say.
+    pub view: bool,
 }
 
 impl Default for Options {
     fn default() -> Options {
-        Options { slices: 16, texels: [256, 64], level: true, rays: 4, entries: 48, leaves: None, force: false }
+        Options {
+            slices: 16,
+            texels: [256, 64],
+            level: true,
+            rays: 4,
+            entries: 48,
+            leaves: None,
+            force: false,
+            view: true,
+        }
     }
 }
 
@@ -136,7 +148,9 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     folder::describe(&mut record, &meadow, &slices, options, told_leaves, &known, &judged);
     let out = maker.begin()?;
     folder::write(out, &slices, &mut record)?;
-    picture::write(&out.join(VIEW), &meadow, &slices)?;
+    if options.view {
+        picture::write(&out.join(VIEW), &meadow, &slices)?;
+    }
     maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))
 }

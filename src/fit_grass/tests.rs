@@ -23,7 +23,7 @@ fn small() -> (Plant, Meadow) {
 }
 
 fn options() -> Options {
-    Options { slices: 8, texels: [64, 32], rays: 2, entries: 16, ..Options::default() }
+    Options { slices: 8, texels: [64, 32], rays: 2, entries: 16, view: false, ..Options::default() }
 }
 
 /// Points and directions that follow no pattern.
@@ -200,7 +200,7 @@ fn upright_blades_leave_the_step_from_above_undetermined() {
     let upright = "schema = 1\nname = \"up\"\nseed = 3\nsize_mm = [60, 50]\n[[sward]]\nmaterial = \"grass\"\n\
         per_m2 = 30000\nlength_mm = 40\nwidth_mm = 3\nlean_deg = 0\nbend_deg = 0\n";
     std::fs::write(&path, upright).unwrap();
-    let options = Options { slices: 4, texels: [16, 16], rays: 2, entries: 8, ..Options::default() };
+    let options = Options { slices: 4, texels: [16, 16], rays: 2, entries: 8, view: false, ..Options::default() };
     let Outcome::Done(record) = run(&path, &out, &options).unwrap() else { panic!("not done") };
     let all = &record.sections["all"].params;
     let (own, known) = (&all["projection_of_blades"].value, &all["projection"]);

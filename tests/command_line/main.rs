@@ -1,4 +1,4 @@
-//! The command line as a user meets it: usage, bad tables, bad places, and that nothing is overwritten.
+//! The command line as a user meets it: usage, bad tables, bad places, messages, Ctrl-C, and that nothing is overwritten.
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 
@@ -10,7 +10,9 @@ mod commands;
 #[path = "../common/mod.rs"]
 mod common;
 mod csv;
+mod interrupted;
 mod makefile;
 mod mangled;
+mod messages;
 mod python;
 mod tables;

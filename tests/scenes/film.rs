@@ -132,7 +132,8 @@ fn a_film_knows_the_slices_of_its_lawn() {
     assert!(small != meadow);
     std::fs::write(folder.path().join("meadow.toml"), small).unwrap();
     let fit = |slices: usize| {
-        let options = fit_grass::Options { slices, texels: [16, 8], rays: 1, entries: 4, ..Default::default() };
+        let options =
+            fit_grass::Options { slices, texels: [16, 8], rays: 1, entries: 4, view: false, ..Default::default() };
         fit_grass::run(&folder.path().join("meadow.toml"), &folder.path().join("slices"), &options).unwrap();
     };
     fit(2);

@@ -67,6 +67,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         entries: args.entries.into(),
         leaves: args.leaves.clone(),
         force: args.force,
+        view: true,
     };
     super::told(fit(&args.meadow, &args.output, &options)?, &args.output, common, summary)
 }

@@ -2,11 +2,8 @@
 //! from there. What a run that was killed leaves behind hinders nobody. `tests/endurance` kills each verb many times.
 #![cfg(unix)]
 
-mod blade;
-mod common;
-
-use blade::Blade;
-use common::{mesophyll, refused, run, scan, succeeded};
+use crate::blade::Blade;
+use crate::common::{mesophyll, refused, run, scan, succeeded};
 use mesophyll::files::atomic::write_bytes;
 use mesophyll::files::image::read_exr;
 use mesophyll::record::FitKind;
