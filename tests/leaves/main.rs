@@ -2,6 +2,7 @@
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 
+mod bad_scans;
 #[path = "../common/mod.rs"]
 mod common;
 mod dome;

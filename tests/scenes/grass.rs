@@ -124,7 +124,7 @@ fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {
         println!("{times} times: FLIP {}, largest error {:?}", apart.flip_p99, apart.max_error);
         assert!(apart.flip_p99 > view.flip_p99.unwrap() && apart.max_error > view.max_error, "{times} times");
     }
-    let Some(mut renderer) = crate::grass_pass::renderer() else { return };
+    let Some(mut renderer) = crate::lawn::renderer() else { return };
     renderer.set_scene(&handover::scene(&scene, &ledger).unwrap()).unwrap();
     let (w, h) = (scene.manifest.check.width, scene.manifest.check.height);
     let drawn = renderer.render(&handover::camera(&view), w, h).unwrap();

@@ -1,7 +1,7 @@
 //! Light on lawns: the pass is compared with path-traced blades, under other skies, and with slices of a fit; and lawns
 //! that are extreme cases.
 
-use crate::grass_pass::{GRASS, GROUND, SIDE, cameras, even, file, lawn, lawn_of, renderer};
+use crate::lawn::{GRASS, GROUND, SIDE, cameras, even, file, lawn, lawn_of, renderer};
 use glam::{DVec3, Vec2, Vec3};
 use mesophyll::fit_grass;
 use mesophyll::fit_grass::blades::Meadow;
