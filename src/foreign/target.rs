@@ -170,12 +170,11 @@ impl Coder {
     /// glTF's parameters, in bytes.
     fn in_bytes(&self, c: Coded) -> Coded {
         let weight = byte(most(c.gloss));
-        let share = |d: [f64; 3], t: [f64; 3]| {
-            let (d, t): (f64, f64) = (d.iter().sum(), t.iter().sum());
-            if t > 0.0 { byte(t / (d + t)).clamp(1.0 / 255.0, 254.0 / 255.0) } else { 0.0 }
-        };
-        let share = share(c.diffuse, c.through);
         let left = (1.0 - weight).max(1e-3);
+        // The least share that the transmission colour can fill. So a reader without the extension, which takes the base
+        // colour whole, shows the front too bright by as little as possible: 1/(1 − share).
+        let least = (most(c.through) / left * 255.0).ceil() / 255.0;
+        let share = if least > 0.0 { least.min(254.0 / 255.0) } else { 0.0 };
         Coded {
             weight,
             share,

@@ -211,6 +211,11 @@ fn the_commands_of_the_tutorials_run() {
 }
 
 #[test]
+fn the_commands_of_the_export_page_run() {
+    assert_eq!(run_page("docs/export.md", false), [8, 0]);
+}
+
+#[test]
 fn the_commands_of_the_plants_page_run() {
     assert_eq!(run_page("docs/plants.md", false), [10, 0]);
 }

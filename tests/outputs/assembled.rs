@@ -196,6 +196,139 @@ print(json.dumps([on, np.array(mi.render(scene, spp=48)).ravel().tolist()]))";
     assert!(rms < stated, "{rms} against {stated}");
 }
 
+/// MaterialX' own reader finds the OpenPBR materials valid.
+#[test]
+fn materialx_is_valid() {
+    let folder = tempfile::tempdir().unwrap();
+    assemble(&shown(Lobe::Beckmann), Format::Materialx, &folder.path().join("x"), true, &[]).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("x/leaf.mtlx")).unwrap();
+    assert!(elements(&text) > 10 && text.contains("backsurfaceshader"));
+    let script = "
+import json, MaterialX as mx
+document = mx.createDocument()
+mx.readFromXmlFile(document, 'x/leaf.mtlx')
+library = mx.createDocument()
+mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+document.setDataLibrary(library)
+good, why = document.validate()
+print(json.dumps([good, why, len(document.getMaterialNodes())]))";
+    let Some(said) = python("MaterialX", script, folder.path()) else { return };
+    assert_eq!(said, json!([true, "", 1]));
+}
+
+/// OpenUSD's own reader sees the mesh at its place with its colours, the camera's field of view and the sun's direction.
+#[test]
+fn usd_shows_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shown = shown(Lobe::Beckmann);
+    shown.places = vec![(0, glam::DMat4::from_translation(glam::DVec3::new(1.0, 2.0, 3.0))); 2];
+    assemble(&shown, Format::Usd, &folder.path().join("u"), true, &[]).unwrap();
+    let script = "
+import json
+from pxr import Usd, UsdGeom, UsdShade
+stage = Usd.Stage.Open('u/scene.usda')
+meshes = [p for p in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
+world = [UsdGeom.Xformable(m).ComputeLocalToWorldTransform(0).Transform(UsdGeom.Mesh(m).GetPointsAttr().Get()[1])
+         for m in meshes]
+material = UsdShade.MaterialBindingAPI(meshes[0]).ComputeBoundMaterial()[0]
+surface = material.ComputeSurfaceSource()[0]
+camera = UsdGeom.Camera(stage.GetPrimAtPath('/World/Camera')).GetCamera(0)
+sun = UsdGeom.Xformable(stage.GetPrimAtPath('/World/Sun')).ComputeLocalToWorldTransform(0).TransformDir((0, 0, 1))
+print(json.dumps([[list(p) for p in world], surface.GetShaderId(), len(surface.GetInputs()), list(sun),
+                  camera.GetFieldOfView(camera.FOVVertical), UsdGeom.GetStageMetersPerUnit(stage)]))";
+    let Some(said) = python("pxr", script, folder.path()) else { return };
+    assert_eq!(said[0], json!([[11.0, 12.0, 3.0], [11.0, 12.0, 3.0]]));
+    assert_eq!((said[1].as_str().unwrap(), said[2].as_u64().unwrap()), ("UsdPreviewSurface", 4));
+    let direction = shown.sun.unwrap().direction.normalize().to_array();
+    assert!((0..3).all(|k| (said[3][k].as_f64().unwrap() - direction[k]).abs() < 1e-6), "{}", said[3]);
+    assert!((said[4].as_f64().unwrap() - 30.0).abs() < 1e-3 && said[5] == json!(0.001), "{said}");
+}
+
+/// Blender builds the scene: its nodes, sun and camera. (Its pictures take too long for a test; `docs/export.md` has the
+/// figures.)
+#[test]
+fn blender_builds_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown = shown(Lobe::Beckmann);
+    assemble(&shown, Format::Blender, &folder.path().join("b"), true, &[]).unwrap();
+    let script = "
+import contextlib, json, sys
+with contextlib.redirect_stdout(sys.stderr):
+    import bpy
+    exec(compile(open('b/scene.py').read(), 'b/scene.py', 'exec'), {'__file__': 'b/scene.py', '__name__': 'scene'})
+nodes = bpy.data.materials['a_leaf'].node_tree.nodes
+kinds = [n.bl_idname for n in nodes]
+sun = bpy.data.objects['sun']
+bpy.context.view_layer.update()
+print(json.dumps([[kinds.count('ShaderNodeBsdf' + k) for k in ('Diffuse', 'Translucent', 'Anisotropic')],
+                  list(sun.matrix_world.to_3x3().col[2]), sun.data.energy,
+                  [1000 * x for x in bpy.context.scene.camera.matrix_world.translation]]))";
+    let Some(said) = python("bpy", script, folder.path()) else { return };
+    assert_eq!(said[0], json!([2, 2, 2]));
+    let close = |found: &Value, wanted: [f64; 3]| {
+        assert!((0..3).all(|k| (found[k].as_f64().unwrap() - wanted[k]).abs() < 1e-3), "{found} {wanted:?}");
+    };
+    close(&said[1], shown.sun.unwrap().direction.normalize().to_array());
+    close(&said[3], shown.camera.eye.to_array());
+    assert_eq!(said[2], json!(3.0));
+}
+
+/// pbrt's file names only materials and textures that it declares before, and files that are there.
+#[test]
+fn pbrt_declares_what_it_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let done = assemble(&shown(Lobe::Ggx), Format::Pbrt, &folder.path().join("p"), true, &[]).unwrap();
+    let text = std::fs::read_to_string(&done.files[0]).unwrap();
+    assert_eq!(text.matches('[').count(), text.matches(']').count());
+    let mut known: Vec<&str> = Vec::new();
+    for line in text.lines() {
+        let words: Vec<&str> = line.split('"').collect();
+        if line.starts_with("Texture ") || line.starts_with("MakeNamedMaterial ") || line.starts_with("ObjectBegin ") {
+            known.push(words[1]);
+        }
+        for (k, word) in words.iter().enumerate() {
+            if word.starts_with("texture ") {
+                assert!(known.contains(&words[k + 2]), "{line}");
+            }
+            if *word == "string filename" && words[k + 2] != "scene.exr" {
+                assert!(folder.path().join("p").join(words[k + 2]).is_file(), "{line}");
+            }
+        }
+        if line.starts_with("NamedMaterial ") || line.starts_with("ObjectInstance ") {
+            assert!(known.contains(&words[1]), "{line}");
+        }
+    }
+    assert_eq!(text.matches("AttributeBegin").count(), text.matches("AttributeEnd").count());
+    assert!(text.contains("\"mix\"") && text.contains("diffusetransmission"));
+}
+
+/// A whole scene as glTF has its leaves, its camera and its sun where they stand; nothing is required of a reader.
+#[test]
+fn a_whole_scene_is_a_gltf() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("s.glb").display().to_string();
+    succeeded(&run(["export", "data/scenes/cluster.toml", "--to", "gltf-translucent", "-o", &out]));
+    let (document, ..) = gltf::import(&out).unwrap();
+    assert_eq!(document.extensions_required().count(), 0);
+    assert!(document.extensions_used().any(|e| e == "KHR_materials_diffuse_transmission"));
+    assert_eq!((document.cameras().count(), document.meshes().count()), (1, 2));
+    let root = document.default_scene().unwrap().nodes().next().unwrap();
+    let leaves: Vec<_> = root.children().filter(|n| n.mesh().is_some()).collect();
+    assert_eq!(leaves.len(), 14);
+    let turn = glam::Mat4::from_cols_array_2d(&root.transform().matrix());
+    let eye = root.children().find(|n| n.camera().is_some()).unwrap();
+    let place = turn * glam::Mat4::from_cols_array_2d(&eye.transform().matrix());
+    // The scene's eye is at (120, −330, 120) mm with z up: y up has (x, z, −y), in metres.
+    assert!((place.col(3).truncate() - glam::Vec3::new(0.12, 0.12, 0.33)).length() < 1e-6, "{place}");
+    let lost: Value = serde_json::from_slice(&std::fs::read(folder.path().join("s.loss.json")).unwrap()).unwrap();
+    assert_eq!(lost["surfaces"].as_array().unwrap().len(), 2);
+    let said = lost["left_out"].to_string();
+    assert!(said.contains("sky") && said.contains("sun"), "{said}");
+    if let Some(said) = crate::plants::validated(Path::new(&out)) {
+        assert_eq!(said, "0 0");
+    }
+}
+
 #[test]
 fn what_cannot_be_exported_as_a_whole_is_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
