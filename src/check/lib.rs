@@ -30,7 +30,6 @@ pub use verify::verify;
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, progress};
 use mesophyll_manifest::{View, ViewKind};
-use mesophyll_placed::branch;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::truth::Truth;
 use mesophyll_scene::draw::{handover, reference, sunlit, true_leaf};
@@ -129,7 +128,7 @@ fn against_reference(
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
         // Views of the same time share the reference's trees.
-        let mut times: Vec<f64> = perspective.iter().map(|v| branch::time(manifest, v)).collect();
+        let mut times: Vec<f64> = perspective.iter().map(|v| manifest.time_of(v)).collect();
         times.dedup();
         if !placed.moves().any() {
             times.truncate(1);
@@ -151,7 +150,7 @@ fn against_reference(
             let as_grown = if known { Some(Truth::new(&as_grown, traced)?) } else { None };
             let stage = Truth::new(&world, traced)?;
             let by_maps = if stored { Some(Truth::new(&by_maps, traced)?) } else { None };
-            while let Some(view) = left.next_if(|v| !placed.moves().any() || branch::time(manifest, v) == time) {
+            while let Some(view) = left.next_if(|v| !placed.moves().any() || manifest.time_of(v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages =
                     perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };

@@ -19,7 +19,6 @@ use crate::{Options, open, told};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, image, progress};
 use mesophyll_manifest::{View, ViewKind};
-use mesophyll_placed::branch;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::truth::{Sampling, Truth};
 use mesophyll_scene::draw::{handover, reference};
@@ -79,7 +78,7 @@ pub fn weigh(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Vec<Ro
     let mut rows = Vec::new();
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
         let _bar = progress::Bar::of(format!("methods for view {}", view.name));
-        let world = reference::traced(scene, branch::time(manifest, view), ledger)?;
+        let world = reference::traced(scene, manifest.time_of(view), ledger)?;
         rows.extend(Weighing { scene, view, own: &own, world: &world, options }.rows(&mut renderer)?);
     }
     let mut csv = String::from("view,method,flip_p99,flip_mean,rms_over_mean,milliseconds,light_bytes,picture\n");
@@ -127,7 +126,7 @@ impl Weighing<'_> {
         let mut rows = Vec::new();
         for (method, mut drawn) in ways(self.own) {
             if let Some(wind) = &mut drawn.wind {
-                wind.time_s = branch::time(&self.scene.manifest, self.view);
+                wind.time_s = self.scene.manifest.time_of(self.view);
             }
             renderer.set_scene(&drawn).map_err(told)?;
             let camera = handover::camera(self.view);

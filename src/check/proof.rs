@@ -6,7 +6,6 @@ use crate::{day, golden};
 use mesophyll_error::Result;
 use mesophyll_files::{image, progress};
 use mesophyll_manifest::{Manifest, View, ViewKind};
-use mesophyll_placed::branch;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::card::Card;
 use mesophyll_scene::draw::handover;
@@ -34,7 +33,7 @@ pub fn all(
         renderer.set_scene(&drawn).map_err(told)?;
         for view in of_kind(ViewKind::Perspective) {
             if let Some(wind) = &mut drawn.wind {
-                wind.time_s = branch::time(manifest, view);
+                wind.time_s = manifest.time_of(view);
                 renderer.set_time(wind);
             }
             report.views.push(alone(manifest, view, renderer, options)?);

@@ -24,7 +24,12 @@ pub fn verify(scene: &Scene, ledger: &Ledger) -> Result<Vec<String>> {
         .flat_map(|l| [l.fitted.as_ref(), l.translucent.as_ref().and_then(|t| t.fitted.as_ref())])
         .flatten()
         .collect();
-    let branches = manifest.branches.iter().filter_map(|b| b.fit.as_ref()).map(|folder| manifest.resolve(folder));
+    let branches = manifest
+        .plants
+        .iter()
+        .flat_map(|p| &p.branches)
+        .filter_map(|b| b.fit.as_ref())
+        .map(|folder| manifest.resolve(folder));
     let folders: BTreeSet<PathBuf> = fits.iter().map(|f| f.folder.clone()).chain(branches).collect();
     let mut out: Vec<String> =
         folders.iter().filter_map(|f| FitRecord::verify_numbers(f).err()).map(|e| e.to_string()).collect();

@@ -10,9 +10,9 @@ use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Exported, Format, assemble, export};
 use mesophyll_files::{claim, progress};
 use mesophyll_manifest::Manifest;
+use mesophyll_placed as placed;
 use mesophyll_placed::leaf::Search;
 use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::{self as placed, branch};
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::Scene;
 use mesophyll_scene::traced;
@@ -243,7 +243,7 @@ fn with_plants(scene: &Path) -> Result<Manifest> {
 /// A scene's plants as they stand at a time.
 fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
     let manifest = with_plants(scene)?;
-    let time = time.unwrap_or_else(|| branch::rest_time(&manifest));
+    let time = time.unwrap_or_else(|| manifest.rest_time());
     mesophyll_flora::file::write(&placed::posed::plants(&manifest, time, &Ledger::new())?, path)?;
     Ok(vec![path.to_path_buf()])
 }

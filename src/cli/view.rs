@@ -30,7 +30,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
     use mesophyll_manifest::{Manifest, ViewKind};
-    use mesophyll_placed::{Placed, branch, fits::missing, leaf::Search, ledger::Ledger};
+    use mesophyll_placed::{Placed, fits::missing, leaf::Search, ledger::Ledger};
     use mesophyll_scene::{draw::handover, loaded::Scene, window::edit::SceneEditor};
     use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
@@ -68,11 +68,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         .views
         .iter()
         .filter(|v| v.kind == ViewKind::Perspective)
-        .map(|v| WindowView {
-            name: v.name.clone(),
-            camera: handover::camera(v),
-            time_s: Some(branch::time(manifest, v)),
-        })
+        .map(|v| WindowView { name: v.name.clone(), camera: handover::camera(v), time_s: Some(manifest.time_of(v)) })
         .collect();
     let Some(first) = views.first().cloned() else {
         return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view to open"));

@@ -131,6 +131,33 @@ impl Branch {
         self.root_radius + at * (self.tip_radius - self.root_radius)
     }
 
+    /// Gives the branch another taper: tip radius over root radius. The radius at the root stays, and the bark becomes
+    /// thinner or thicker around the axis. A branch whose root has no radius stays as it is.
+    pub fn set_taper(&mut self, taper: f64) {
+        let (old, length) = (self.clone(), self.length());
+        self.tip_radius = taper * self.root_radius;
+        if !(length > 0.0 && old.root_radius > 0.0) {
+            return;
+        }
+        let now = [self.root_radius, self.tip_radius];
+        let growth = |at: f64| (now[0] + at * (now[1] - now[0])) / old.radius(at).max(1e-9 * old.root_radius);
+        let wood = &mut self.wood;
+        for (p, n) in wood.positions.iter_mut().zip(&mut wood.normals) {
+            let at = nearest(&old.axis, *p).0;
+            let (middle, t) = along(&old.axis, at);
+            let out = *p - middle;
+            let (lengthwise, across) = (t * out.dot(t), out - t * out.dot(t));
+            let grown = growth(at);
+            *p = middle + lengthwise + across * grown;
+            // Normals turn by the inverse transpose of this map, in which the growth changes along the axis.
+            let [before, after] = [(at - 1e-4).max(0.0), (at + 1e-4).min(1.0)];
+            let slope = (growth(after) - growth(before)) / ((after - before) * length);
+            let (n_along, n_across) = (n.dot(t), *n - t * n.dot(t));
+            let lean = slope / grown * n_across.dot(across);
+            *n = (n_across / grown + t * (n_along - lean)).try_normalize().unwrap_or(*n);
+        }
+    }
+
     /// The place at a share of the axis, and the unit direction of the axis there; in the plant's frame.
     pub fn point(&self, at: f64) -> (DVec3, DVec3) {
         let (place, along) = along(&self.axis, at);
@@ -274,6 +301,43 @@ mod tests {
             let at = (k / 9) as f64 / 10.0;
             let (place, _) = along(&bend, at);
             assert!((p.distance(place) - (5.0 - 3.0 * at)).abs() < 1e-9);
+        }
+    }
+
+    /// A tube with another taper is the tube that has this taper from the beginning.
+    #[test]
+    fn another_taper_makes_another_tube() {
+        let bend: Vec<DVec3> = (0..=20)
+            .map(|k| {
+                let a = f64::from(k) / 20.0;
+                DVec3::new(100.0 * a.sin(), 0.0, 100.0 * (1.0 - a.cos()))
+            })
+            .collect();
+        let tube = |axis: &[DVec3], tip: f64| tube(axis, [5.0, tip], 8, 11);
+        for axis in [&bend[..], &[DVec3::ZERO, DVec3::X * 90.0]] {
+            let mut branch = Branch {
+                name: "b".into(),
+                parent: None,
+                level: 0,
+                root: DVec3::ZERO,
+                axes: [DVec3::X, DVec3::Y, DVec3::Z],
+                axis: axis.to_vec(),
+                root_radius: 5.0,
+                tip_radius: 2.0,
+                load: 0.0,
+                material: "bark".into(),
+                wood: tube(axis, 2.0),
+            };
+            branch.set_taper(0.8);
+            assert!((branch.tip_radius - 4.0).abs() < 1e-12);
+            let expected = tube(axis, 4.0);
+            for k in 0..expected.positions.len() {
+                let off = branch.wood.positions[k].distance(expected.positions[k]);
+                // In a bend, the nearest place of the axis is not exactly the middle of a ring.
+                assert!(off < if axis.len() == 2 { 1e-9 } else { 0.05 }, "{k}: {off} mm");
+                let turned = branch.wood.normals[k].distance(expected.normals[k]);
+                assert!(turned < if axis.len() == 2 { 1e-3 } else { 0.02 }, "{k}: {turned}");
+            }
         }
     }
 

@@ -19,7 +19,7 @@ pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use plant::{
-    Branch, Cluster, Flutter, GRAINS_A_TILE, Ground, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Tree, Wind,
+    BranchOverride, Flutter, GRAINS_A_TILE, Ground, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
 };
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
@@ -53,20 +53,13 @@ pub struct Manifest {
     /// The leaves that instances may show.
     #[serde(default, rename = "leaf")]
     pub leaves: Vec<Leaf>,
-    /// Leaves that stand alone or hang on a branch.
+    /// Leaves that stand alone.
     #[serde(default, rename = "instance")]
     pub instances: Vec<Instance>,
     /// Whole plants.
     #[serde(default, rename = "plant")]
     pub plants: Vec<Plant>,
-    /// Leaves around a twig.
-    pub cluster: Option<Cluster>,
-    /// A crown of leaves on rigid wood.
-    pub tree: Option<Tree>,
-    /// Branches that bend.
-    #[serde(default, rename = "branch")]
-    pub branches: Vec<Branch>,
-    /// The wind that moves the branches. Without it nothing moves.
+    /// The wind that moves plants and lawns.
     pub wind: Option<Wind>,
     /// Lawns on the ground.
     #[serde(default)]
@@ -107,7 +100,8 @@ impl Manifest {
     /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Manifest> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let mut manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
+        let mut manifest: Manifest =
+            toml::from_str(&text).map_err(|e| gone(path, &text, Error::toml(path, &text, &e)))?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, &text)?;
         manifest.layer(0.0, false)?;
@@ -222,14 +216,32 @@ impl Manifest {
         self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
     }
 
-    /// The index of the branch with this name.
-    pub fn branch_index(&self, name: &str) -> Option<usize> {
-        self.branches.iter().position(|b| b.name == name)
+    /// The time at which a view shows the scene (s).
+    pub fn time_of(&self, view: &View) -> f64 {
+        view.time_s.unwrap_or_else(|| self.rest_time())
+    }
+
+    /// The time at which the scene opens (s).
+    pub fn rest_time(&self) -> f64 {
+        self.wind.as_ref().map_or(0.0, |w| w.time_s)
     }
 
     /// The index of the leaf with this name.
     pub fn leaf_index(&self, name: &str) -> Option<usize> {
         self.leaves.iter().position(|l| l.name == name)
+    }
+}
+
+/// The error for a scene that cannot be read. A table of an earlier version gets a word on what took its place.
+fn gone(path: &Path, text: &str, error: Error) -> Error {
+    let has = |header: &str| text.lines().any(|line| line.split('#').next().map(str::trim) == Some(header));
+    let gone = [("cluster", "[cluster]"), ("tree", "[tree]"), ("branch", "[[branch]]")];
+    match gone.iter().find(|(_, header)| has(header)) {
+        Some((field, header)) => {
+            let what = format!("{header} is no longer read; expected a [[plant]], which has wood, branches and leaves");
+            Error::field(path, field, what)
+        }
+        None => error,
     }
 }
 

@@ -1,6 +1,7 @@
-//! Where leaves stand and what they hang on: single leaves, whole plants, branches in the wind, a twig, a crown.
+//! Where leaves stand and what moves them: single leaves, whole plants, their branches, and the wind.
 
 use super::one;
+use glam::DVec3;
 use mesophyll_files::mesh::Unit;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -25,47 +26,32 @@ pub struct Instance {
     pub positions: Option<PathBuf>,
     /// Unit of that list; metres when absent.
     pub unit: Option<Unit>,
-    /// The branch on which the leaf hangs. Position and rotation are then in that branch's frame at `at`.
-    pub branch: Option<String>,
-    /// Place on the branch, from 0 (root) to 1 (tip).
-    pub at: Option<f64>,
-    /// Distance from the branch's axis to the leaf's origin, along the x axis of the turned leaf.
-    pub offset_mm: Option<f64>,
 }
 
-/// A tapered branch, which bends under its weight and in the wind.
+/// What a scene states about a branch of a plant, or about all branches of a level, instead of the plant's file.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Branch {
-    /// The name by which instances refer to it.
-    pub name: String,
-    /// Length of its axis.
-    pub length_mm: f64,
-    /// Radius at the root.
-    pub radius_mm: f64,
-    /// Tip radius over root radius; 1 when neither this nor a fit is given.
+pub struct BranchOverride {
+    /// Name of the branch. Either this or `level` is given.
+    pub name: Option<String>,
+    /// Level of the branches; 0 is a trunk.
+    pub level: Option<usize>,
+    /// Tip radius over root radius.
     pub taper: Option<f64>,
-    /// F/(E′r₁⁴) under its own weight if it were horizontal, as `fit beam --deflections` defines it.
+    /// F/(E′r₁⁴) under its own weight if it were horizontal, as `fit beam --deflections` defines it. The plant's file
+    /// then has the branch without this load, and the scene bends it.
     pub load_over_stiffness_mm: Option<f64>,
     /// A folder of `fit beam --deflections -o`, which gives taper and load.
     pub fit: Option<PathBuf>,
-    /// The name of the measured branch in that folder, where it differs from this one.
+    /// The name of the measured branch in that folder, where it differs from `name`.
     pub measured: Option<String>,
-    /// Place of its root.
-    #[serde(default)]
-    pub position_mm: [f64; 3],
-    /// Direction from root to tip, of any length.
-    pub direction: [f64; 3],
-    /// Diffuse reflectance of the bark.
-    pub bark: [f64; 3],
-    /// Deflection of the tip over the length, for each m/s of a steady wind across the branch.
-    #[serde(default)]
-    pub lean_per_m_s: f64,
+    /// Deflection of the tip over the length, for each m/s of a steady wind across the branch. When absent, it follows
+    /// from the plant's drag and mass.
+    pub lean_per_m_s: Option<f64>,
     /// Resonance frequency; it follows from the length when absent.
     pub resonance_hz: Option<f64>,
-    /// Damping relative to critical damping.
-    #[serde(default = "damping")]
-    pub damping: f64,
+    /// Damping relative to critical damping; that of the plant when absent.
+    pub damping: Option<f64>,
 }
 
 /// What is drawn for a material of a plant.
@@ -125,6 +111,9 @@ pub struct Plant {
     /// How its leaves flutter. When absent, they keep still on their branches. It is refused where no wind moves the
     /// branches.
     pub flutter: Option<Flutter>,
+    /// What the scene states about single branches or levels, instead of the file.
+    #[serde(default, rename = "branch")]
+    pub branches: Vec<BranchOverride>,
 }
 
 /// The highest resonance (Hz) of leaves that flutter. Above it, the renderer's textures would repeat within ten
@@ -164,6 +153,14 @@ pub struct Wind {
     pub time_s: f64,
 }
 
+impl Wind {
+    /// The direction that it blows to, a unit vector.
+    pub fn direction(&self) -> DVec3 {
+        let azimuth = self.azimuth_deg.to_radians();
+        DVec3::new(azimuth.cos(), azimuth.sin(), 0.0)
+    }
+}
+
 /// The period of a scene whose light comes as if it repeated along x and y around the origin.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -198,60 +195,6 @@ impl Ground {
     pub fn contrast(&self) -> f64 {
         self.contrast.unwrap_or(0.4)
     }
-}
-
-/// Leaves on a twig along z, each a golden angle from the one before.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Cluster {
-    /// Names of leaves, which are taken in turn.
-    pub leaves: Vec<String>,
-    /// Number of leaves.
-    pub count: usize,
-    /// Length of the twig.
-    pub length_mm: f64,
-    /// Distance from the twig to a blade's centre.
-    pub offset_mm: f64,
-    /// Mean angle of a blade below the horizontal.
-    #[serde(default)]
-    pub droop_deg: f64,
-    /// Standard deviation of that angle between blades.
-    #[serde(default)]
-    pub spread_deg: f64,
-    /// A factor on a leaf's size.
-    #[serde(default = "one")]
-    pub scale: f64,
-    /// The seed. The same seed gives the same cluster.
-    pub seed: u64,
-}
-
-/// A crown of leaves on rigid wood that is made from a seed. The trunk's foot is the origin.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tree {
-    /// Names of leaves, which are taken in turn.
-    pub leaves: Vec<String>,
-    /// Number of leaves.
-    pub count: usize,
-    /// Height from the foot to the top.
-    pub height_mm: f64,
-    /// Radius of the crown.
-    pub crown_mm: f64,
-    /// Distance from the twig to a blade's centre.
-    pub offset_mm: f64,
-    /// Mean angle of a blade below the horizontal.
-    #[serde(default)]
-    pub droop_deg: f64,
-    /// Standard deviation of that angle between blades.
-    #[serde(default)]
-    pub spread_deg: f64,
-    /// A factor on a leaf's size.
-    #[serde(default = "one")]
-    pub scale: f64,
-    /// Diffuse reflectance of the bark.
-    pub bark: [f64; 3],
-    /// The seed. The same seed gives the same tree.
-    pub seed: u64,
 }
 
 fn damping() -> f64 {

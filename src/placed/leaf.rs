@@ -1,6 +1,5 @@
 //! One of the scene's leaves in the world: its fit, its blade, and which of its sides are seen and lit.
 
-use super::branch;
 use super::daylight;
 use super::facing::Facing;
 use super::moves::Moves;
@@ -100,7 +99,7 @@ impl Leaf {
                 let mesh = out.blade(manifest, ledger)?;
                 let mine: Vec<&Placement> = placements.iter().filter(|p| p.leaf == index).collect();
                 let views: Vec<(DVec3, f64)> =
-                    perspective().filter_map(|v| Some((v.eye_mm?.into(), branch::time(manifest, v)))).collect();
+                    perspective().filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v)))).collect();
                 out.facing = if search.free {
                     Facing::ALL
                 } else {
@@ -121,7 +120,7 @@ impl Leaf {
             let p = Placement {
                 leaf: index,
                 transform: glam::DMat4::from_rotation_translation(turn, at.into()),
-                ride: None,
+                section: None,
             };
             let eye = DVec3::from(card.eye_mm.unwrap_or_default());
             out.on_cards.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[eye], sun);
@@ -176,7 +175,7 @@ fn seen(
 ) -> Result<Facing> {
     let mut facing = Facing::default();
     let bar = Bar::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
-    let bends = |p: &Placement| moves.any() && p.ride.is_some();
+    let bends = |p: &Placement| moves.any() && p.section.is_some();
     // Moving placements are tested time by time, because plants are posed once for each time.
     for (eye, time) in views {
         for p in placements.iter().filter(|p| bends(p)) {

@@ -8,8 +8,8 @@
 //! uses 4 lengths of a leaf). Its longest wave follows from the size of the texture. All lawns of a scene have the same
 //! gusts.
 
-use super::branch::{MOTION_SIDE, wind_direction};
 use super::flutter::unrepeated;
+use super::sways::MOTION_SIDE;
 use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -59,7 +59,7 @@ impl Gusts {
         let motion = ledger.note("make", "map of gusts over lawns", bytes, make).ok_or_else(|| {
             Error::field(&manifest.path, "wind", "the gusts over lawns have no spectrum that is positive and finite")
         })?;
-        let way = unrepeated(wind_direction(manifest).truncate());
+        let way = unrepeated(said.direction().truncate());
         Ok(Some(Arc::new(Gusts { wind, motion, way })))
     }
 

@@ -5,7 +5,6 @@
 
 #![warn(missing_docs)]
 
-pub mod branch;
 pub mod daylight;
 pub mod facing;
 pub mod fits;
@@ -15,12 +14,12 @@ pub mod leaf;
 pub mod leaning;
 pub mod ledger;
 pub mod moves;
+pub mod overrides;
 pub mod placement;
 pub mod plant;
 pub mod posed;
 pub mod sections;
 pub mod sways;
-pub mod tree;
 pub mod winds;
 
 pub(crate) use mesophyll_error::{Error, Result};
@@ -29,19 +28,18 @@ use crate::fits::missing;
 use crate::fits::source::Status;
 use crate::fits::translucency::Translucent;
 use crate::ledger::Ledger;
-use branch::{Bends, Twig};
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use leaf::{Leaf, Search};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::{Ground, Manifest, ViewKind};
 use moves::Moves;
-use placement::{Placement, Ride};
+use placement::Placement;
 use plant::Wood;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winds::Winds;
 
-/// A scene's leaves, branches and wood at their places.
+/// A scene's leaves and wood at their places.
 #[derive(Debug)]
 pub struct Placed {
     /// The leaves, in the manifest's order.
@@ -50,16 +48,12 @@ pub struct Placed {
     pub placements: Vec<Placement>,
     /// The places of the cameras of perspective views.
     pub eyes: Vec<DVec3>,
-    /// Branches at rest, with their meshes.
-    pub twigs: Vec<(Twig, LeafMesh)>,
-    /// The wood of plants and of a tree.
+    /// The wood of plants.
     pub wood: Vec<Wood>,
     /// Lawns on the ground.
     pub grass: Vec<grass::Grass>,
     /// The ground and its reflectance.
     pub ground: Option<(LeafMesh, [f64; 3])>,
-    /// The branches that bend; `None` where none does.
-    pub bends: Option<Bends>,
     /// The plants that move; `None` where none does.
     pub winds: Option<Arc<Winds>>,
     /// Whether this is for a window, where camera, sun and sliders are free.
@@ -72,8 +66,8 @@ impl Placed {
     /// Searches for everything that the scene shows.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch that bends
-    /// too far.
+    /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch whose load
+    /// bends it too far.
     pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
         let plants = plant::planted(manifest, ledger)?;
         let mut placements = placement::placements(manifest);
@@ -83,23 +77,14 @@ impl Placed {
         for (k, plant) in plants.iter().enumerate() {
             let leaves = plant.plant.leaves.len();
             placements.extend(plant.placements().enumerate().map(|(i, rest)| {
-                let section = swaying(k).map(|s| Ride::Section(s.sections.of_leaf(i / leaves, i % leaves)));
-                Placement { ride: section, ..rest }
+                let section = swaying(k).map(|s| s.sections.of_leaf(i / leaves, i % leaves));
+                Placement { section, ..rest }
             }));
             wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
         }
-        let crown = manifest.tree.as_ref().map(|t| Wood {
-            name: "wood".into(),
-            mesh: tree::wood(&tree::grow(t).wood),
-            bark: t.bark,
-            places: vec![DMat4::IDENTITY],
-            bark_moves: None,
-        });
-        let twigs = branch::twigs(manifest, ledger)?;
-        let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
-        let moves = Moves { bends: bends.as_ref(), winds: winds.as_deref(), grass: false };
+        let moves = Moves { winds: winds.as_deref(), grass: false };
         let leaves = (0..manifest.leaves.len())
             .map(|k| Leaf::find(manifest, (&placements, moves), k, search, ledger))
             .collect::<Result<_>>()?;
@@ -107,11 +92,9 @@ impl Placed {
             leaves,
             placements,
             eyes,
-            wood: wood.into_iter().chain(crown).collect(),
+            wood,
             grass: grass::lawns(manifest, ledger)?,
             ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
-            twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
-            bends,
             winds,
             free: search.free,
             out: search.out.map(Path::to_path_buf),
@@ -121,10 +104,10 @@ impl Placed {
     /// Everything that moves.
     pub fn moves(&self) -> Moves<'_> {
         let grass = self.grass.iter().any(|lawn| lawn.leaning.is_some());
-        Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref(), grass }
+        Moves { winds: self.winds.as_deref(), grass }
     }
 
-    /// A placement at a time (s), moved with its branch or plant.
+    /// A placement at a time (s), moved with its plant.
     pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
         self.moves().placement(placement, time)
     }
@@ -149,7 +132,7 @@ impl Placed {
     /// # Errors
     /// As [`Placed::new`].
     pub fn find_again(&mut self, manifest: &Manifest, index: usize, search: Search, ledger: &Ledger) -> Result<()> {
-        let moves = Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref(), grass: false };
+        let moves = Moves { winds: self.winds.as_deref(), grass: false };
         let world = (self.placements.as_slice(), moves);
         self.leaves[index] = Leaf::find(manifest, world, index, search, ledger)?;
         Ok(())

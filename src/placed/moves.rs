@@ -1,15 +1,12 @@
-//! The things that move in a scene: branches, things that hang on them, plants, and lawns in the wind.
+//! The things that move in a scene: plants, with their leaves and their wood, and lawns in the wind.
 
-use super::branch::Bends;
-use super::placement::{Placement, Ride};
+use super::placement::Placement;
 use super::winds::Winds;
 
 /// Everything that moves.
 #[derive(Debug, Clone, Copy)]
 pub struct Moves<'a> {
-    /// The scene's own branches, if they bend.
-    pub bends: Option<&'a Bends>,
-    /// The scene's plants, if a wind moves them.
+    /// The scene's plants, if a wind or a stated load moves them.
     pub winds: Option<&'a Winds>,
     /// Whether a wind leans any lawn.
     pub grass: bool,
@@ -18,20 +15,18 @@ pub struct Moves<'a> {
 impl Moves<'_> {
     /// Whether anything moves.
     pub fn any(&self) -> bool {
-        self.bends.is_some() || self.winds.is_some() || self.grass
+        self.winds.is_some() || self.grass
     }
 
-    /// Whether branches or plants move, and with them leaves, wood and their shadows. A lawn that leans moves none of
-    /// these.
+    /// Whether plants move, and with them leaves, wood and their shadows. A lawn that leans moves none of these.
     pub fn plants(&self) -> bool {
-        self.bends.is_some() || self.winds.is_some()
+        self.winds.is_some()
     }
 
     /// A placement at a time (s).
     pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
-        let transform = match (rest.ride, self.bends, self.winds) {
-            (Some(Ride::Branch(on)), Some(bends), _) => bends.transform(on, time, rest.transform),
-            (Some(Ride::Section(k)), _, Some(winds)) => winds.sections(time)[k].carry(rest.transform),
+        let transform = match (rest.section, self.winds) {
+            (Some(section), Some(winds)) => winds.sections(time)[section].carry(rest.transform),
             _ => rest.transform,
         };
         Placement { transform, ..*rest }

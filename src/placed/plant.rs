@@ -5,6 +5,7 @@
 //! gives the reflectance of the bark. A leaf is drawn in its own size times the plant's scale and the size that the
 //! plant gives the blade.
 
+use super::overrides::{Stated, stated};
 use super::placement::{Placement, rotation};
 use super::sections::Bark;
 use crate::ledger::Ledger;
@@ -46,6 +47,8 @@ pub struct Planted {
     same: (usize, bool),
     /// The plant from its file.
     pub plant: Plant,
+    /// What the scene states about each branch.
+    pub stated: Vec<Stated>,
     /// The transform from plant to world, for every place where it stands.
     pub places: Vec<DMat4>,
     /// The scene's leaf for every blade of the plant.
@@ -56,13 +59,13 @@ pub struct Planted {
 /// Reads or grows every plant.
 ///
 /// # Errors
-/// [`Error::Input`] for a file or a description that cannot be read, a material that the scene does not map, a mapped
+/// [`Error::Input`] for a file, a description or a fit of a branch that cannot be read, a material that the scene does not map, a mapped
 /// material that the plant lacks, or too many leaves.
 pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
     let mut out: Vec<Planted> = Vec::new();
     let mut total = 0;
     for (index, said) in manifest.plants.iter().enumerate() {
-        let (source, plant) = match (&said.file, &said.grow) {
+        let (source, mut plant) = match (&said.file, &said.grow) {
             (Some(file), _) => {
                 let path = manifest.resolve(file);
                 let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
@@ -77,7 +80,8 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
             (None, None) => continue,
         };
         let stem = source.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let one = one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)?;
+        let stated = stated(manifest, index, &mut plant, ledger)?;
+        let one = Planted { stated, ..one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)? };
         total += one.plant.leaves.len() * one.places.len();
         if total > MOST_LEAVES {
             let what = format!("{total} leaves up to here");
@@ -140,7 +144,7 @@ fn one(
         let known: Vec<&str> = used.iter().map(String::as_str).collect();
         return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
     }
-    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks })
+    Ok(Planted { name, same: (0, false), plant, stated: Vec::new(), places: places(said), leaves, barks })
 }
 
 /// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random
@@ -191,7 +195,7 @@ impl Planted {
             self.plant.leaves.iter().map(|leaf| Placement {
                 leaf: self.leaves[leaf.blade],
                 transform: *place * leaf.transform,
-                ride: None,
+                section: None,
             })
         })
     }

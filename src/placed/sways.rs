@@ -2,17 +2,24 @@
 //! equation of motion) with its own resonance (Eq. 4.20), and with the mass of everything that it carries (Eq. 4.17,
 //! and the leaves). Also, which branches are alike enough to share a motion texture.
 
+use super::plant::Planted;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::carried::{carried, own_mass};
-use mesophyll_flora::form::{Branch, Leaf, Plant};
+use mesophyll_flora::form::{Branch, Leaf};
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 use std::f64::consts::TAU;
 
 /// The largest ratio of two resonances for which branches share a motion texture.
 pub const ALIKE: f64 = 1.12;
 
-/// The sway of every branch of a plant, and the mass that it carries (kg).
-pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
+/// Texels along a side of a motion texture. It holds frequencies down to 1/64 of a branch's resonance, and does not
+/// repeat within 8,000 of its periods.
+pub const MOTION_SIDE: usize = 1024;
+
+/// The sway of every branch of a plant, and the mass that it carries (kg). What the scene states about a branch goes
+/// before what follows from its size, its mass and the plant's drag.
+pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, planted: &Planted) -> Vec<Option<(Sway, f64)>> {
+    let plant = &planted.plant;
     let metres = said.scale / 1e3;
     let blades: Vec<f64> = plant.blades.iter().map(|b| area(&b.mesh)).collect();
     // Area of one side of a blade (m²).
@@ -24,16 +31,33 @@ pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, plant: &Plant) -> Vec
     let areas = carried(plant, across, |leaf| 0.5 * of_leaf(leaf));
     let leafless = plant.leaves.is_empty();
     let one = |(k, branch): (usize, &Branch)| {
-        let length = branch.length() * metres;
-        if !(length > 1e-9 && masses[k] > 0.0 && areas[k] > 0.0 && said.drag_n_s_m3 > 0.0) {
+        let (length, stated) = (branch.length() * metres, &planted.stated[k]);
+        if !(length > 1e-9) {
             return None;
         }
-        let oscillator = Oscillator::of_branch(length, leafless, said.damping);
-        let force = said.drag_n_s_m3 * areas[k] * wind.speed;
-        let stiffness = masses[k] * (TAU * oscillator.resonance).powi(2);
-        Some((Sway { wind, oscillator, lean: force / stiffness / length }, masses[k]))
+        let ratio = stated.damping.unwrap_or(said.damping);
+        let oscillator = match stated.resonance_hz {
+            Some(resonance) => Oscillator { resonance, damping: ratio * 2.0 * TAU * resonance },
+            None => Oscillator::of_branch(length, leafless, ratio),
+        };
+        let lean = match stated.lean_per_m_s {
+            Some(lean) => lean * wind.speed,
+            None => {
+                let force = said.drag_n_s_m3 * areas[k] * wind.speed;
+                let stiffness = masses[k] * (TAU * oscillator.resonance).powi(2);
+                force / stiffness / length
+            }
+        };
+        (lean > 0.0 && lean.is_finite()).then_some((Sway { wind, oscillator, lean }, masses[k]))
     };
     plant.branches.iter().enumerate().map(one).collect()
+}
+
+/// Variance of the tip's deflection over the length, for the frequencies that a motion texture holds.
+pub fn variance(sway: &Sway) -> f64 {
+    let count = MOTION_SIDE / mesophyll_plant::motion::TEXELS_A_CYCLE;
+    let step = sway.highest() / count as f64;
+    (1..=count).map(|j| sway.spectrum(j as f64 * step) * step).sum()
 }
 
 fn area(mesh: &LeafMesh) -> f64 {
@@ -74,6 +98,7 @@ pub fn leads(mut sways: Vec<Sway>) -> Vec<Sway> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::overrides::Stated;
     use super::super::winds::Winds;
     use super::super::winds::tests::scene;
     use super::*;
@@ -83,9 +108,8 @@ mod tests {
     fn what_a_branch_carries_decides_how_far_it_goes() {
         let (manifest, planted) = scene(4.0);
         let said = &manifest.plants[0];
-        let answers = |speed: f64, said: &mesophyll_manifest::Plant| {
-            sways(said, Wind { speed, turbulence: 0.3 }, &planted[0].plant)
-        };
+        let answers =
+            |speed: f64, said: &mesophyll_manifest::Plant| sways(said, Wind { speed, turbulence: 0.3 }, &planted[0]);
         let (a, b) = (answers(4.0, said), answers(8.0, said));
         for ((slow, mass), (fast, same)) in a.iter().flatten().zip(b.iter().flatten()) {
             // The force is proportional to the speed, and the mass stays the same.
@@ -119,6 +143,16 @@ mod tests {
         let mut free = manifest.clone();
         free.plants[0].drag_n_s_m3 = 0.0;
         assert!(answers(4.0, &free.plants[0]).iter().all(Option::is_none));
+        // What the scene states about a branch goes before its mass, its length and the plant's drag.
+        let stated =
+            Stated { lean_per_m_s: Some(0.02), resonance_hz: Some(3.0), damping: Some(0.5), ..Stated::default() };
+        let mut told = planted[0].clone();
+        told.stated[1] = stated;
+        let told = sways(&free.plants[0], Wind { speed: 4.0, turbulence: 0.3 }, &told);
+        let (sway, _) = told[1].unwrap();
+        assert!((sway.lean - 0.08).abs() < 1e-15 && sway.oscillator.resonance == 3.0);
+        assert!((sway.oscillator.damping - 0.5 * 4.0 * std::f64::consts::PI * 3.0).abs() < 1e-12);
+        assert_eq!(told.iter().flatten().count(), 1);
         for still in [free, scene(0.0).0] {
             assert!(Winds::new(&still, &planted, &Ledger::new()).unwrap().is_none());
         }

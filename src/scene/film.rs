@@ -168,7 +168,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
             renderer.set_time(wind);
         }
         if options.motion {
-            let mut before = drawn.wind.clone();
+            let mut before = drawn.wind;
             if let Some(wind) = &mut before {
                 wind.time_s -= 1.0 / film.fps;
             }

@@ -6,7 +6,6 @@ use crate::loaded::Scene;
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash, image, memory, progress};
 use mesophyll_manifest::{View, ViewKind};
-use mesophyll_placed::branch;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_transport::path::{Paths, Picture, Progress, Request, Target, Tracer};
 use mesophyll_transport::{World, tone};
@@ -92,7 +91,7 @@ pub fn render(
     let mut pictures = if options.resume { known(&record)? } else { known(&record).unwrap_or_default() };
     let mut at: Option<(f64, World)> = None;
     for view in views {
-        let time = branch::time(manifest, view);
+        let time = manifest.time_of(view);
         let world = match at.take().filter(|(then, _)| *then == time) {
             Some((_, world)) => world,
             None => {

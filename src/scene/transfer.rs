@@ -10,7 +10,6 @@ use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
 use mesophyll_manifest::{Manifest, ViewKind};
-use mesophyll_placed::branch;
 use mesophyll_placed::daylight::sun_directions;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::maker::Outcome;
@@ -42,7 +41,7 @@ pub fn options(scene: &Scene) -> Option<Options> {
 /// # Errors
 /// As [`reference::world`]; [`Error::Input`] for a leaf that is not fitted yet.
 pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scene> {
-    let time = branch::rest_time(&scene.manifest);
+    let time = scene.manifest.rest_time();
     let world = match options.columns {
         Columns::Light => reference::traced(scene, time, ledger)?,
         Columns::Harmonics(_) => reference::unlit(scene, time, ledger)?,

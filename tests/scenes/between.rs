@@ -225,6 +225,13 @@ fn the_plan_counts_the_levels_that_no_view_comes_near() {
     assert!(left.reason.contains("3 leaves"), "{}", left.reason);
 }
 
+/// The text of an instance that stands at `count` places of a list, which lie within 20 mm of each other.
+fn many(folder: &Path, count: u64) -> String {
+    let places: String = (0..count).map(|k| format!("{} 0 {}\n", k % 7, k % 20)).collect();
+    std::fs::write(folder.join("places.txt"), places).unwrap();
+    "[[instance]]\nleaf = \"elm\"\npositions = \"places.txt\"\nunit = \"mm\"\n".into()
+}
+
 /// A transfer for which this machine lacks the memory is refused by the plan, with the numbers, before any leaf is
 /// fitted.
 #[test]
@@ -237,10 +244,8 @@ fn a_transfer_that_is_too_large_is_refused_at_once() {
     // that there is.
     let leaf = 64 * 64 * 6 * 49 * 64;
     let count = 3 * there / leaf / 2 + 1;
-    let rest = format!(
-        "[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\nradiance = [1, 1, 1]\n[cluster]\nleaves = [\"elm\"]\ncount = \
-         {count}\nlength_mm = 20\noffset_mm = 10\ndroop_deg = 0\nspread_deg = 0\nseed = 1\n"
-    );
+    let rest =
+        format!("{}[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\nradiance = [1, 1, 1]\n", many(dir.path(), count));
     let scene = crowd(dir.path(), [0.2, 0.2], 0, &rest);
     let output = mesophyll(&["--quiet", "plan", scene.to_str().unwrap()]);
     let said = String::from_utf8_lossy(&output.stderr);
@@ -261,9 +266,9 @@ fn a_transfer_that_is_there_is_not_refused() {
     let count = there / (64 * 64 * 6 * 49 * 64) + 8;
     // One leaf stands far beside the picture and is not counted.
     let rest = format!(
-        "[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\n\
-         radiance = [1, 1, 1]\n[cluster]\nleaves = [\"elm\"]\ncount = {count}\nlength_mm = 20\noffset_mm = 10\ndroop_deg \
-         = 0\nspread_deg = 0\nseed = 1\n"
+        "{}[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\n\
+         radiance = [1, 1, 1]\n",
+        many(dir.path(), count)
     );
     let manifest = Manifest::read(&crowd(dir.path(), [0.2, 0.2], 0, &rest)).unwrap();
     let out = dir.path().join("out");
@@ -282,8 +287,11 @@ fn a_transfer_that_is_there_is_not_refused() {
 fn the_clusters_of_six_species_are_planned() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/canopies/species");
     let mut found = 0;
-    for file in std::fs::read_dir(folder).unwrap() {
-        let manifest = Manifest::read(&file.unwrap().path()).unwrap();
+    let scene = |entry: std::io::Result<std::fs::DirEntry>| entry.map(|e| e.path()).ok();
+    for path in
+        std::fs::read_dir(folder).unwrap().filter_map(scene).filter(|p| p.extension().is_some_and(|x| x == "toml"))
+    {
+        let manifest = Manifest::read(&path).unwrap();
         manifest.require_limits().unwrap();
         let scene = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
         let between = scene.plan.light.between.unwrap();

@@ -163,9 +163,23 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
         .write(&dir.path().join("fits/oak"), "oak");
     let fit = dir.path().join("fits/elm");
     copy(&kept, &fit);
-    let twig = "[[leaf]]\nname = \"oak\"\nfit = \"fits/oak\"\n[cluster]\nleaves = [\"elm\", \"oak\"]\ncount = \
-     6\nlength_mm = 60\noffset_mm = 26\ndroop_deg = 25\nspread_deg = 14\nseed = 5\n";
-    let path = scene(dir.path(), "twig", "elm", Some(40.0), Some(0.2), twig);
+    let sprig = "schema = 1\nname = \"sprig\"\nseed = 5\nheight_mm = 60\n[crown]\nbase = 0.0\nradius_mm = 60\nprofile = \
+                 [[0, 1.0], [1.0, 1.0]]\n[wood]\ntwig_radius_mm = 1\npipe_exponent = 2\n[[level]]\ncount = 1\nsides = 6\n\
+                 rings = 2\n[leaves]\ncount = 3\nangle_deg = 70\ndroop_deg = 25\nspread_deg = 14\nlength_mm = 52\n\
+                 width_mm = 30\npetiole_mm = 2\n";
+    std::fs::write(dir.path().join("sprig.toml"), sprig).unwrap();
+    let plant = |leaf: &str, more: &str| {
+        format!(
+            "[[plant]]\ngrow = \"sprig.toml\"\nmaterials = {{ leaf = \"{leaf}\", bark = [0.1, 0.1, 0.1] }}\n{more}\n"
+        )
+    };
+    let twig = [
+        "[[leaf]]\nname = \"oak\"\nfit = \"fits/oak\"\n".into(),
+        plant("elm", "position_mm = [0, 0, -30]"),
+        plant("oak", "position_mm = [4, 2, -22]\nrotation_deg = [0, 0, 60]"),
+    ]
+    .concat();
+    let path = scene(dir.path(), "twig", "elm", Some(40.0), Some(0.2), &twig);
     let text = std::fs::read_to_string(&path).unwrap();
     let mut text = text.replace("[[instance]]\nleaf = \"elm\"\n", "");
     // A small picture of a wide scene, with thresholds of three times the reference's own noise there.

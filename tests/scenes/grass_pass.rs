@@ -64,7 +64,7 @@ fn the_pass_in_the_wind_is_its_twin() {
     };
     grass.gusts = Some(Arc::new(gusts.clone()));
     drawn.grass = vec![Arc::new(grass)];
-    drawn.wind = Some(mesophyll_viewer::scene::Wind { size: 0, motion: Vec::new(), time_s: 1.7 });
+    drawn.wind = Some(mesophyll_viewer::scene::Wind { time_s: 1.7 });
     // Cameras from above, across all slices, and from inside. The other cameras run the same code.
     beside_twins(Backend::Any, &[0, 4, 6], (drawn.clone(), slices), &at);
     // At another time, the map has moved, and the scene is not set again.
@@ -73,7 +73,7 @@ fn the_pass_in_the_wind_is_its_twin() {
     drawn.sky = Some([1.0; 3]);
     renderer.set_scene(&drawn).unwrap();
     let before = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
-    let mut wind = drawn.wind.clone().unwrap();
+    let mut wind = drawn.wind.unwrap();
     wind.time_s = 4.1;
     renderer.set_time(&wind);
     let after = renderer.render(camera, SIDE, SIDE).unwrap().hdr;

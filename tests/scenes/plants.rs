@@ -329,7 +329,7 @@ mod moving {
             fov_y_deg: 35.0,
         };
         let first = renderer.render(&camera, 96, 96).unwrap();
-        let mut later = moving.wind.clone().unwrap();
+        let mut later = moving.wind.unwrap();
         later.time_s += 0.4;
         renderer.set_time(&later);
         assert_ne!(first.ldr, renderer.render(&camera, 96, 96).unwrap().ldr);

@@ -2,7 +2,6 @@
 //! their indices follow each other in one buffer. When the camera needs another split, instances are sorted by level.
 //! So a leaf needs one instanced draw for each level.
 
-use crate::bend::Moved;
 use crate::gpu::Gpu;
 use crate::passes::bend;
 use crate::scene::{Camera, Instance, Mesh};
@@ -85,7 +84,7 @@ impl Levels {
             rows: kept_rows,
             rides,
             begins,
-            still: instances.iter().map(|i| !Moved::of(i).any()).collect(),
+            still: instances.iter().map(|i| i.carried.is_none()).collect(),
             ranks: if leaves && n >= MANY { ranks(n) } else { Vec::new() },
             chosen: vec![0; n],
             sizes: vec![1.0; n],

@@ -2,11 +2,11 @@
 //! shader reads is never uploaded. A mesh in a material needs one instanced draw for each level of detail, however
 //! often the two occur.
 
-use crate::bend::{Bends, Moved};
+use crate::bend::Moved;
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Branch, Instance, Mesh, Scene, Sections, Wind};
+use crate::scene::{Carried, Instance, Mesh, Scene, Sections, Wind};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3};
@@ -68,7 +68,7 @@ pub(crate) struct Batch {
     pub count: u32,
     /// Whether any of them casts a shadow.
     pub casts: bool,
-    /// Branch of each instance and its place there, where something bends.
+    /// The section that carries each instance, where any is carried.
     pub rides: Option<wgpu::Buffer>,
     /// The first row of arriving light and the first share of the sun of each instance, where either is read.
     pub begins: Option<wgpu::Buffer>,
@@ -96,7 +96,7 @@ impl Batch {
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),
-                rides: variant.bend.any().then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: variant.bend.then(|| put("rides", bytemuck::cast_slice(&rides))),
                 begins: variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins))),
                 variant,
             })
@@ -153,13 +153,12 @@ pub(crate) fn vertex_layouts(
     layouts
 }
 
-/// Points around every instance at rest, in world space, and what bends them. They are the corners of boxes, or every
+/// Points around every instance at rest, in world space, and what carries them. They are the corners of boxes, or every
 /// vertex where a mesh bends.
 pub(crate) struct Extents {
-    points: Vec<(Moved, Vec<Vec3>)>,
+    points: Vec<(Option<Carried>, Vec<Vec3>)>,
     /// For each of these, whether it is a floor.
     floors: Vec<bool>,
-    branches: Vec<Branch>,
     sections: Option<Sections>,
 }
 
@@ -183,8 +182,8 @@ impl Extents {
             })
             .collect();
         let points = scene.instances.iter().filter_map(|instance| {
-            let by = Moved::of(instance);
-            let own = by.by_vertex();
+            let by = instance.carried;
+            let own = by.is_some_and(|c| c.vertices.is_some());
             let around = if own { &scene.meshes[instance.mesh].positions } else { corners[instance.mesh].as_ref()? };
             let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
             Some(((by, points), instance.floor))
@@ -196,14 +195,10 @@ impl Extents {
                 let at = Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32);
                 grass.origin + grass.low.extend(0.0) + at * far
             };
-            ((Moved::of(&Instance::default()), (0..8).map(corner).collect()), true)
+            ((None, (0..8).map(corner).collect()), true)
         });
         let (points, floors) = points.chain(lawns).unzip();
-        Extents { points, floors, branches: scene.branches.clone(), sections: scene.sections.clone() }
-    }
-
-    pub(crate) fn branches(&self) -> &[Branch] {
-        &self.branches
+        Extents { points, floors, sections: scene.sections.clone() }
     }
 
     pub(crate) fn sections(&self) -> Option<&Sections> {
@@ -221,10 +216,10 @@ impl Extents {
     }
 
     fn moved(&self, wind: Option<&Wind>, of: impl Fn(bool) -> bool) -> Vec<Vec3> {
-        let bends = Bends::new(&self.branches, self.sections.as_ref(), wind);
+        let sections = Moved::new(self.sections.as_ref(), wind);
         let wanted = self.points.iter().zip(&self.floors).filter(|(_, floor)| of(**floor));
-        let moved = |(by, points): &(Moved, Vec<Vec3>)| -> Vec<Vec3> {
-            points.iter().enumerate().map(|(k, p)| bends.moved(*by, k, *p)).collect()
+        let moved = |(by, points): &(Option<Carried>, Vec<Vec3>)| -> Vec<Vec3> {
+            points.iter().enumerate().map(|(k, p)| sections.place(*by, k, *p)).collect()
         };
         wanted.flat_map(|(one, _)| moved(one)).collect()
     }

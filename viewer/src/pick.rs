@@ -1,6 +1,6 @@
 //! Finds what lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
 
-use crate::bend::{Bends, Moved};
+use crate::bend::Moved;
 use crate::scene::{Camera, Instance, Leaf, Mesh, Scene, Side};
 use glam::{Vec2, Vec3};
 
@@ -36,15 +36,15 @@ pub fn ray(camera: &Camera, aspect: f32, x: f32, y: f32) -> (Vec3, Vec3) {
 pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Option<Hit> {
     let (origin, direction) = ray(camera, aspect, x, y);
     let boxes: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(bounds).collect();
-    let bends = Bends::of(scene);
+    let sections = Moved::of(scene);
     let mut best: Option<Hit> = None;
     for (i, instance) in scene.instances.iter().enumerate() {
         let Some(mesh) = scene.meshes.get(instance.mesh) else { continue };
         let leaf = scene.leaf(instance.material);
         let back = instance.transform.inverse();
         let (mut o, mut d) = (back.transform_point3(origin), back.transform_vector3(direction));
-        // What rides on a branch is tested in world space, as it is bent.
-        let moved = Moved::of(instance).any().then(|| swung(&bends, instance, mesh));
+        // What a section carries is tested in world space, at its place.
+        let moved = instance.carried.map(|_| swung(&sections, instance, mesh));
         if moved.is_some() {
             (o, d) = (origin, direction);
         } else if !meets_box(o, d, boxes[instance.mesh]) {
@@ -84,11 +84,11 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
 }
 
 /// Positions and normals in the world of a mesh that something moves.
-fn swung(bends: &Bends, instance: &Instance, mesh: &Mesh) -> (Vec<Vec3>, Vec<Vec3>) {
+fn swung(sections: &Moved, instance: &Instance, mesh: &Mesh) -> (Vec<Vec3>, Vec<Vec3>) {
     let m = instance.transform;
     let pairs = mesh.positions.iter().zip(&mesh.normals);
     let moved = |(k, (p, n)): (usize, (&Vec3, &Vec3))| {
-        bends.bent(Moved::of(instance), k, m.transform_point3(*p), m.transform_vector3(*n))
+        sections.place_and_normal(instance.carried, k, m.transform_point3(*p), m.transform_vector3(*n))
     };
     pairs.enumerate().map(moved).unzip()
 }

@@ -2,7 +2,7 @@
 //! variants share a pipeline.
 
 use crate::gpu::Gpu;
-use crate::passes::bend::{self, Bending};
+use crate::passes::bend;
 use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
 use crate::shader::Defines;
 use mesophyll_surface::gloss::LobeKind;
@@ -15,8 +15,8 @@ pub(crate) struct Variant {
     pub msaa: u32,
     /// Whether the mesh has levels of detail. The drawn surface may then differ from the one in the shadow maps.
     pub levels: bool,
-    /// What moves the vertices of the mesh.
-    pub bend: Bending,
+    /// Whether sections move the vertices of the mesh.
+    pub bend: bool,
     /// How the mesh's anchors are read, where light arrives by a transfer.
     pub anchored: Option<Anchored>,
     /// Whether its vertices have shares of the sun, so that shadow maps are not needed.
@@ -224,7 +224,7 @@ impl Variant {
     /// The names and constants with which all parts of the shader are assembled.
     pub(crate) fn defines(&self) -> Defines {
         let lights = &self.lights;
-        let defines = bend::defines(Defines::default(), &self.bend)
+        let defines = bend::defines(Defines::default(), self.bend, 0)
             .constant("SHADOW_LAYERS", lights.shadow)
             .set("SUN", lights.sun)
             .set("SHADOW", self.shadowed())
@@ -321,8 +321,7 @@ impl Variant {
                 say(true, format!("{lobe:?}").to_lowercase());
             }
         }
-        say(self.bend.branches > 0, if self.bend.motion { "sway".into() } else { "bend".into() });
-        say(self.bend.sections, "sections".into());
+        say(self.bend, "sections".into());
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
     }

@@ -1,30 +1,21 @@
-//! Branches in the renderer. They are uploaded and compiled only where something rides on one, and time moves them.
+//! Sections in the renderer. They are uploaded and compiled only where they carry something, and time moves them.
 
 mod common;
 
 use common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Ride, Scene, Wind};
+use mesophyll_viewer::scene::{Carried, Scene, Wind};
 use mesophyll_viewer::{Picture, Renderer};
+use std::sync::Arc;
 
-fn wind(time_s: f64) -> Wind {
-    let size = 32;
-    let wave = |k: u32| (std::f32::consts::TAU * k as f32 / size as f32).sin();
-    Wind {
-        size,
-        motion: (0..size * size).map(|k| [0.2 * wave(k % size), 0.3 * wave(k / size + 3 * (k % size))]).collect(),
-        time_s,
-    }
-}
-
-fn scene(amplitude: f32, gain: f32) -> Scene {
+fn scene(still: f32) -> Scene {
     let mut scene = scene_of(uniform_leaf());
     scene.meshes[0] = bent(10.0, 12, -0.01);
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.shadow_samples = 2;
-    scene.branches = vec![cantilever(amplitude, gain)];
-    scene.instances[0].ride = Some(Ride { branch: 0, at: None });
+    scene.sections = Some(swinging(&scene.meshes[0], still));
+    scene.instances[0].carried = Some(Carried { first: 0, vertices: Some(0) });
     scene
 }
 
@@ -38,33 +29,33 @@ fn look(renderer: &mut Renderer) -> Picture {
 }
 
 #[test]
-fn nothing_rides_nothing_bends() {
+fn nothing_is_carried_nothing_bends() {
     let Some(mut renderer) = renderer() else { return };
-    let mut scene = scene(0.3, 0.0);
-    scene.instances[0].ride = None;
-    scene.wind = Some(wind(0.5));
+    let mut scene = scene(0.3);
+    scene.instances[0].carried = None;
+    scene.wind = Some(Wind { time_s: 0.5 });
     let still = draw(&mut renderer, &scene);
     assert_eq!(renderer.stats().pipelines, ["shadow: opaque", "main: sun, shadow 2, sky", "tonemap"]);
-    for part in ["branches", "motion", "rides"] {
+    for part in ["sections", "rides"] {
         assert!(!renderer.stats().uploaded(part), "{part}");
     }
-    scene.branches[0].still = [0.2, 0.1];
+    scene.sections = None;
     scene.wind = None;
     let other = draw(&mut renderer, &scene);
     assert!(still.hdr == other.hdr && still.ldr == other.ldr);
 }
 
 #[test]
-fn a_branch_without_load_is_drawn_as_it_stands_and_one_with_load_is_not() {
+fn sections_that_move_nothing_change_nothing_and_others_do() {
     let Some(mut renderer) = renderer() else { return };
-    let bent = draw(&mut renderer, &scene(0.3, 0.0));
-    assert_eq!(renderer.stats().pipelines, ["shadow: opaque, bend", "main: sun, shadow 2, sky, bend", "tonemap"]);
-    assert!(renderer.stats().uploaded("branches") && !renderer.stats().uploaded("motion"));
-    let level = draw(&mut renderer, &scene(0.0, 0.0));
-    let mut without = scene(0.0, 0.0);
-    without.instances[0].ride = None;
+    let bent = draw(&mut renderer, &scene(0.3));
+    assert_eq!(renderer.stats().pipelines, ["shadow: opaque, bend", "main: sun, shadow 2, sky, sections", "tonemap"]);
+    assert!(renderer.stats().uploaded("sections"));
+    let level = draw(&mut renderer, &scene(0.0));
+    let mut without = scene(0.0);
+    without.instances[0].carried = None;
     let without = draw(&mut renderer, &without);
-    // At rest, the bend moves vertices only by rounding errors, so a pixel at an edge may change.
+    // At rest, sections move vertices only by rounding errors, so a pixel at an edge may change.
     let differing =
         level.hdr.iter().zip(&without.hdr).filter(|(a, b)| a.iter().zip(*b).any(|(x, y)| (x - y).abs() > 1e-3)).count();
     assert!(differing <= 8, "{differing} pixels");
@@ -73,37 +64,55 @@ fn a_branch_without_load_is_drawn_as_it_stands_and_one_with_load_is_not() {
 }
 
 #[test]
-fn time_moves_branches_and_their_shadows_and_back() {
+fn time_moves_sections_and_their_shadows_and_back() {
     let Some(mut renderer) = renderer() else { return };
-    let mut scene = scene(0.1, 1.0);
-    scene.wind = Some(wind(0.0));
+    let mut scene = scene(0.1);
+    scene.wind = Some(Wind { time_s: 0.0 });
     let first = draw(&mut renderer, &scene);
-    assert_eq!(renderer.stats().pipelines, ["shadow: opaque, bend", "main: sun, shadow 2, sky, sway", "tonemap"]);
     let shadows = renderer.stats().shadow_renders;
-    renderer.set_time(&wind(4.0));
+    renderer.set_time(&Wind { time_s: 4.0 });
     let second = look(&mut renderer);
     assert_ne!(first.ldr, second.ldr);
     assert_eq!(renderer.stats().shadow_renders, shadows + 1);
-    renderer.set_time(&wind(0.0));
+    renderer.set_time(&Wind { time_s: 0.0 });
     assert_eq!(look(&mut renderer).hdr, first.hdr);
     // A scene that is set at the later time gives the same picture as the scene that was moved there.
-    scene.wind = Some(wind(4.0));
+    scene.wind = Some(Wind { time_s: 4.0 });
     assert_eq!(draw(&mut renderer, &scene).hdr, second.hdr);
+}
+
+/// Vertices that the shader moves lie where the same rigid motions put them in double precision.
+#[test]
+fn vertices_follow_their_sections() {
+    let Some(mut renderer) = renderer() else { return };
+    let scene = scene(0.4);
+    renderer.set_scene(&scene).expect("scene");
+    let found = renderer.bent_vertices(&scene, 0).expect("vertices");
+    let sections = scene.sections.as_ref().expect("sections");
+    let (now, mesh) = ((sections.at)(0.0), &scene.meshes[0]);
+    for (k, got) in found.iter().enumerate() {
+        let section = &now[sections.of_vertices[k] as usize];
+        let turn = section.turn.as_dquat();
+        let want = section.to.as_dvec3() + turn * (mesh.positions[k] - section.from).as_dvec3();
+        assert!(got[0].as_dvec3().distance(want) < 1e-5, "{k}: {got:?}, expected {want}");
+        assert!(got[1].as_dvec3().distance(turn * mesh.normals[k].as_dvec3()) < 1e-6, "{k}");
+    }
 }
 
 #[test]
 fn contradictions_are_named() {
     let Some(mut renderer) = renderer() else { return };
     let mut said = |change: &dyn Fn(&mut Scene)| {
-        let mut scene = scene(0.1, 1.0);
-        scene.wind = Some(wind(0.0));
+        let mut scene = scene(0.1);
+        scene.wind = Some(Wind { time_s: 0.0 });
         change(&mut scene);
         renderer.set_scene(&scene).expect_err("a contradiction").to_string()
     };
-    assert!(said(&|s| s.instances[0].ride = Some(Ride { branch: 3, at: None })).contains("instance 0, branch"));
-    assert!(said(&|s| s.instances[0].ride = Some(Ride { branch: 0, at: Some(1.5) })).contains("place on its branch"));
-    assert!(said(&|s| s.branches[0].r = Vec3::X).contains("orthonormal"));
-    assert!(said(&|s| s.branches[0].still[0] = f32::NAN).contains("finite"));
-    assert!(said(&|s| s.branches = vec![s.branches[0]; 200]).contains("at most 128"));
-    assert!(said(&|s| s.wind = s.wind.take().map(|w| Wind { size: 31, ..w })).contains("motion texture"));
+    let carried = |first, vertices| Some(Carried { first, vertices });
+    assert!(said(&|s| s.instances[0].carried = carried(300, None)).contains("instance 0, section"));
+    assert!(said(&|s| s.instances[0].carried = carried(0, Some(1))).contains("instance 0, section"));
+    assert!(said(&|s| s.sections = None).contains("instance 0, section"));
+    assert!(said(&|s| s.wind = Some(Wind { time_s: f64::NAN })).contains("expected a finite time"));
+    let short = |s: &mut Scene| s.sections.as_mut().expect("sections").of_vertices = Arc::new(vec![0; 3]);
+    assert!(said(&short).contains("instance 0, section"));
 }

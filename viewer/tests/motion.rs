@@ -5,7 +5,7 @@ mod common;
 use common::*;
 use glam::{DQuat, DVec3, Quat, Vec3};
 use mesophyll_viewer::Renderer;
-use mesophyll_viewer::scene::{Camera, Carried, Ride, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{Camera, Carried, Scene, Section, Sections, Wind};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 48];
@@ -94,7 +94,7 @@ fn compare(
 }
 
 fn time(time_s: f64) -> Wind {
-    Wind { size: 0, motion: Vec::new(), time_s }
+    Wind { time_s }
 }
 
 #[test]
@@ -131,28 +131,22 @@ fn a_carried_leaf_has_the_vectors_of_its_rigid_motion_and_of_the_camera() {
 }
 
 #[test]
-fn a_swaying_branch_has_the_vectors_of_its_vertices() {
+fn a_mesh_that_bends_has_the_vectors_of_its_vertices() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene_of(uniform_leaf());
     scene.meshes[0] = bent(10.0, 12, -0.01);
-    scene.branches = vec![cantilever(0.1, 1.0)];
-    scene.instances[0].ride = Some(Ride { branch: 0, at: None });
-    let wave = |k: u32| (std::f32::consts::TAU * k as f32 / 16.0).sin();
-    let gusts = |time_s| Wind {
-        size: 16,
-        motion: (0..256).map(|k| [0.2 * wave(k % 16), 0.3 * wave(k / 16 + 3 * (k % 16))]).collect(),
-        time_s,
-    };
-    scene.wind = Some(gusts(4.0));
+    scene.sections = Some(swinging(&scene.meshes[0], 0.1));
+    scene.instances[0].carried = Some(Carried { first: 0, vertices: Some(0) });
+    scene.wind = Some(time(4.0));
     renderer.set_scene(&scene).expect("scene");
     let mut at = |t: f64| {
-        renderer.set_time(&gusts(t));
+        renderer.set_time(&time(t));
         renderer.bent_vertices(&scene, 0).expect("vertices")
     };
     // The time of the picture is the one that was set last.
     let (before, now) = (at(3.0), at(4.0));
     let corners: Vec<[DVec3; 2]> = now.iter().zip(&before).map(|(n, b)| [n[0].as_dvec3(), b[0].as_dvec3()]).collect();
     let look = camera(Vec3::new(0.5, -0.6, 0.9), 60.0);
-    let longest = compare(&mut renderer, &scene, Some(&gusts(3.0)), &corners, [&look, &look]);
+    let longest = compare(&mut renderer, &scene, Some(&time(3.0)), &corners, [&look, &look]);
     assert!(longest > 1.0, "{longest}");
 }

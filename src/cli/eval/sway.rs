@@ -1,24 +1,23 @@
-//! `mesophyll eval sway`: where the tips of a scene's branches are, its plants' too, over time.
+//! `mesophyll eval sway`: where the tips of the branches of a scene's plants are over time.
 
 use crate::{Common, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::table::{Output, Sink, push_number, push_text};
 use mesophyll_manifest::Manifest;
-use mesophyll_placed::branch::{self, Bends};
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_placed::plant::{self, Planted};
 use mesophyll_placed::winds::Winds;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// The positions of the tips of a scene's branches and of its plants' branches as they sway in the scene's wind:
+/// The positions of the tips of the branches of a scene's plants as they sway in the scene's wind:
 /// `time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm`, one row for each branch and time. Both renderers bend the branches
 /// by the same numbers.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval sway"))]
 pub struct Args {
-    /// Scene with branches or plants
+    /// Scene with plants
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// First time (s)
@@ -47,14 +46,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let twigs = branch::twigs(&manifest, &ledger)?;
     let planted = plant::planted(&manifest, &ledger)?;
-    let own: usize = planted.iter().map(|p| p.places.len() * p.plant.branches.len()).sum();
-    let rows = twigs.len() + own;
+    let rows: usize = planted.iter().map(|p| p.places.len() * p.plant.branches.len()).sum();
     if rows == 0 {
-        return Err(Error::field(&args.scene, "branch", "missing; expected a scene with branches or plants"));
+        return Err(Error::field(&args.scene, "plant", "missing; expected a scene with a plant that has branches"));
     }
-    let bends = Bends::new(&manifest, &twigs, &ledger)?;
     let standing = Standing { winds: Winds::new(&manifest, &planted, &ledger)?, planted: &planted };
     // The last time is included although rounding may make the steps fall short of it.
     let steps = ((args.to - args.from) / args.step + 1e-9).floor();
@@ -73,9 +69,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             .map(|k| {
                 let time = args.from + *k as f64 * args.step;
                 let mut lines = Vec::new();
-                for (index, branch) in manifest.branches.iter().enumerate() {
-                    row(&mut lines, time, &manifest.name, &branch.name, bends.tip(index, time));
-                }
                 standing.rows(&mut lines, time);
                 lines
             })

@@ -41,8 +41,9 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     p.positive("", 0, "exposure", m.exposure, "number")?;
     p.colour("", "background", &m.background)?;
     leaves::leaves(&p)?;
-    branches::branches(&p)?;
     placements::placements(&p)?;
+    branches::branches(&p)?;
+    branches::wind(&p)?;
     grass::grass(&p)?;
     lights::lights(&p)?;
     views::views(&p)?;
@@ -114,16 +115,6 @@ max_error = 0.1
             ("schema = 1", "schema = 2", "s.toml:2: schema: found 2, expected 1"),
             ("fit = \"fits/elm\"", "", "s.toml:5: leaf.fit: missing"),
             (
-                "leaf = \"elm\"",
-                "leaf = \"elm\"\nbranch = \"twig\"\nat = 0.5",
-                "s.toml:10: instance.branch: found \"twig\", expected one of the scene's branches ()",
-            ),
-            (
-                "leaf = \"elm\"",
-                "leaf = \"elm\"\nat = 0.5",
-                "s.toml:10: instance.at: given, but only instances on a branch have one",
-            ),
-            (
                 "max_error = 0.1",
                 "max_error = 0.1\ntime_s = 2",
                 "s.toml:21: view.time_s: given, but the scene has no [wind]",
@@ -135,15 +126,24 @@ max_error = 0.1
             ),
             (
                 "[sun]",
-                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ntaper = 2\ndirection = [1, 0, 0]\nbark = \
-                 [0.1, 0.1, 0.1]\n[sun]",
-                "s.toml:14: branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
+                "[cluster]\nleaves = [\"elm\"]\n[sun]",
+                "s.toml: cluster: [cluster] is no longer read; expected a [[plant]]",
             ),
             (
                 "[sun]",
-                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ndirection = [0, 0, 0]\nbark = [0.1, 0.1, \
-                 0.1]\n[sun]",
-                "s.toml:14: branch.direction: found no length, expected the way from root to tip",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nname = \"b\"\ntaper = 2\n[sun]",
+                "s.toml:15: plant.branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
+            ),
+            (
+                "[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nlevel = 1\nfit = \"f\"\n[sun]",
+                "s.toml:13: plant.branch.measured: missing; a level has no name that its fit could hold",
+            ),
+            (
+                "[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nname = \"b\"\ntaper = 1\n\
+                 [[plant.branch]]\nname = \"b\"\ntaper = 0.5\n[sun]",
+                "s.toml:17: plant.branch.name: \"b\" is given twice for one plant, expected each once",
             ),
         ] {
             assert!(GOOD.contains(from));

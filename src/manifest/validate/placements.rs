@@ -1,10 +1,8 @@
-//! Checks where leaves stand: single leaves, leaves on branches, on a twig, or in a crown.
+//! Checks where leaves stand: single leaves and whole plants, and what is below them.
 
 use super::place::Place;
 use crate::{GRAINS_A_TILE, MOST_LEAF_RESONANCE, Matter, Result};
 
-/// The largest number of leaves. A larger number is more likely a typing error than meant.
-const MOST_LEAVES: usize = 100_000;
 /// The largest number of plants. Each looks for a place away from all others before it.
 const MOST_PLANTS: usize = 10_000;
 
@@ -16,48 +14,11 @@ pub fn placements(p: &Place) -> Result<()> {
         p.finite(HEADER, i, "position_mm", &instance.position_mm)?;
         p.finite(HEADER, i, "rotation_deg", &instance.rotation_deg)?;
         p.positive(HEADER, i, "scale", instance.scale, "number")?;
-        if instance.positions.is_some() && instance.branch.is_some() {
-            return Err(p.error(HEADER, i, "positions", "given beside a branch; expected one of the two"));
-        }
         if instance.unit.is_some() && instance.positions.is_none() {
             return Err(p.error(HEADER, i, "unit", "given without a list of positions"));
         }
-        match &instance.branch {
-            Some(name) if m.branch_index(name).is_none() => {
-                let known: Vec<&str> = m.branches.iter().map(|b| b.name.as_str()).collect();
-                let what = format!("found \"{name}\", expected one of the scene's branches ({})", known.join(", "));
-                return Err(p.error(HEADER, i, "branch", what));
-            }
-            Some(_) => {
-                let at =
-                    instance.at.ok_or_else(|| p.error(HEADER, i, "at", "missing; an instance on a branch needs it"))?;
-                p.range(HEADER, i, "at", at, [0.0, 1.0], "(root to tip)")?;
-                p.finite(HEADER, i, "offset_mm", &[instance.offset_mm.unwrap_or(0.0)])?;
-            }
-            None => {
-                for (key, given) in [("at", instance.at.is_some()), ("offset_mm", instance.offset_mm.is_some())] {
-                    if given {
-                        return Err(p.error(HEADER, i, key, "given, but only instances on a branch have one"));
-                    }
-                }
-            }
-        }
     }
     plants(p)?;
-    if let Some(cluster) = &m.cluster {
-        const HEADER: &str = "[cluster]";
-        crowd(p, HEADER, &cluster.leaves, cluster.count)?;
-        p.range(HEADER, 0, "length_mm", cluster.length_mm, [0.0, 1e6], "mm")?;
-        hung(p, HEADER, [cluster.offset_mm, cluster.droop_deg, cluster.spread_deg, cluster.scale])?;
-    }
-    if let Some(tree) = &m.tree {
-        const HEADER: &str = "[tree]";
-        crowd(p, HEADER, &tree.leaves, tree.count)?;
-        p.range(HEADER, 0, "height_mm", tree.height_mm, [1.0, 1e6], "mm")?;
-        p.range(HEADER, 0, "crown_mm", tree.crown_mm, [1.0, 1e6], "mm")?;
-        hung(p, HEADER, [tree.offset_mm, tree.droop_deg, tree.spread_deg, tree.scale])?;
-        p.reflectance(HEADER, 0, "bark", &tree.bark)?;
-    }
     if let Some(ground) = &m.ground {
         const HEADER: &str = "[ground]";
         p.reflectance(HEADER, 0, "albedo", &ground.albedo)?;
@@ -94,8 +55,8 @@ pub fn placements(p: &Place) -> Result<()> {
             p.positive("[periodic]", 0, "size_mm", size, "length in mm")?;
         }
     }
-    if m.instances.is_empty() && m.plants.is_empty() && m.cluster.is_none() && m.tree.is_none() && m.grass.is_empty() {
-        let what = "missing; expected at least one [[instance]], a [[plant]], a [[grass]], a [cluster] or a [tree]";
+    if m.instances.is_empty() && m.plants.is_empty() && m.grass.is_empty() {
+        let what = "missing; expected at least one [[instance]], a [[plant]] or a [[grass]]";
         return Err(p.error("", 0, "instance", what));
     }
     Ok(())
@@ -150,23 +111,4 @@ fn plants(p: &Place) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Checks which leaves a twig or a crown has, and how many.
-fn crowd(p: &Place, header: &str, leaves: &[String], count: usize) -> Result<()> {
-    if leaves.is_empty() {
-        return Err(p.error(header, 0, "leaves", "empty, expected at least one leaf"));
-    }
-    for name in leaves {
-        p.leaf(header, 0, "leaves", name)?;
-    }
-    p.range(header, 0, "count", count as f64, [1.0, MOST_LEAVES as f64], "leaves")
-}
-
-/// Checks how the leaves of a twig or a crown hang: offset (mm), droop and spread (degrees), scale.
-fn hung(p: &Place, header: &str, [offset_mm, droop_deg, spread_deg, scale]: [f64; 4]) -> Result<()> {
-    p.range(header, 0, "offset_mm", offset_mm, [0.0, 1e6], "mm")?;
-    p.range(header, 0, "droop_deg", droop_deg, [-180.0, 180.0], "degrees")?;
-    p.range(header, 0, "spread_deg", spread_deg, [0.0, 180.0], "degrees")?;
-    p.positive(header, 0, "scale", scale, "number")
 }

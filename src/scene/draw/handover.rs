@@ -12,12 +12,12 @@ use crate::plan::levels;
 use crate::{Error, Result};
 use glam::{DMat4, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_manifest::{Manifest, View};
+use mesophyll_manifest::View;
 use mesophyll_optics::side::Side;
 use mesophyll_placed::Placed;
 use mesophyll_placed::daylight::{self, Daylight, sun_direction};
 use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::placement::{Placement, Ride};
+use mesophyll_placed::placement::Placement;
 use mesophyll_placed::plant::Wood;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
@@ -48,15 +48,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     for p in &placed.placements {
         if let Some(drawn) = index[p.leaf] {
-            let (mut ride, mut carried) = (None, None);
-            match p.ride {
-                Some(Ride::Branch(on)) if placed.bends.is_some() => {
-                    ride = Some(viewer::Ride { branch: on.branch, at: Some(on.at as f32) });
-                }
-                Some(Ride::Section(k)) => carried = Some(viewer::Carried { first: k as u32, vertices: None }),
-                _ => {}
-            }
-            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), ride, carried, ..drawn });
+            let carried = p.section.map(|k| viewer::Carried { first: k as u32, vertices: None });
+            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), carried, ..drawn });
         }
     }
     // A coarse triangle would blur the shadows that are stored at its corners.
@@ -82,13 +75,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         let floor = !placed.free && out.sun.is_some_and(|s| s.direction.z > 0.0) && below_all(placed);
         out.instances.push(viewer::Instance { floor, ..ground });
     }
-    for (k, (twig, mesh)) in placed.twigs.iter().enumerate() {
-        let ride = placed.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
-        let wood = out.add(shown(out.meshes.len(), mesh), barked(&manifest.branches[k].name, twig.bark));
-        out.instances.push(viewer::Instance { ride, ..wood });
-    }
-    branches(manifest, placed, &mut out);
-    plants(manifest, placed, barks, &mut out);
+    plants(placed, barks, &mut out);
     for lawn in &placed.grass {
         let slices = lawn.slices(manifest, ledger)?;
         let soil = placed.ground.as_ref().map_or([0.0; 3], |(_, albedo)| *albedo);
@@ -100,8 +87,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         }
         out.grass.push(std::sync::Arc::new(drawn));
     }
-    if placed.moves().grass {
-        out.wind.get_or_insert_with(|| still_branches(manifest));
+    if placed.moves().any() && manifest.wind.is_some() {
+        out.wind = Some(viewer::Wind { time_s: manifest.rest_time() });
     }
     if let Some(found) = &scene.transfer {
         between::arriving(found, &levels::eyes(manifest, placed), &mut out);
@@ -124,47 +111,7 @@ fn below_all(placed: &Placed) -> bool {
         let mesh = placed.leaves[p.leaf].mesh.as_ref()?;
         Some(mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
     };
-    placed.twigs.iter().flat_map(|t| &t.1.positions).all(|v| v.z >= height)
-        && placed.wood.iter().all(stands)
-        && placed.placements.iter().filter_map(leaf).all(|b| b)
-}
-
-/// A wind that moves no branch.
-pub fn still_branches(manifest: &Manifest) -> viewer::Wind {
-    viewer::Wind { size: 0, motion: Vec::new(), time_s: mesophyll_placed::branch::rest_time(manifest) }
-}
-
-/// Hands over the branches and what rides on them, where anything bends.
-fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
-    let Some(bends) = &placed.bends else { return };
-    let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
-    out.branches = bends
-        .branches
-        .iter()
-        .map(|b| {
-            let shape = b.rest.shape.single();
-            viewer::Branch {
-                root: vec(b.rest.root),
-                t: vec(b.rest.t),
-                r: vec(b.rest.r),
-                s: vec(b.rest.s),
-                length: b.rest.length as f32,
-                alpha: shape.alpha,
-                ln_alpha: shape.ln_alpha,
-                ell: shape.ell,
-                a: shape.a,
-                still: b.still.map(|v| v as f32),
-                gain: b.gain as f32,
-                start: b.line.map_or([0.0; 2], |l| l.start),
-                velocity: b.line.map_or([0.0; 2], |l| l.velocity),
-            }
-        })
-        .collect();
-    out.wind = bends.motion.as_ref().map(|m| viewer::Wind {
-        size: m.size as u32,
-        motion: m.values.clone(),
-        time_s: mesophyll_placed::branch::rest_time(manifest),
-    });
+    placed.wood.iter().all(stands) && placed.placements.iter().filter_map(leaf).all(|b| b)
 }
 
 /// Wood: diffuse bark that transmits nothing.
@@ -207,7 +154,6 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         shadow_samples: plan.light.shadow_samples,
         shadow_resolution: plan.light.shadow_resolution,
         msaa: plan.light.msaa,
-        branches: Vec::new(),
         wind: None,
         sections: None,
         transfer: None,

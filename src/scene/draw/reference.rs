@@ -30,7 +30,7 @@ use std::sync::Arc;
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     let mut out = standing(scene, ledger)?;
-    stand_at(&mut out, scene, mesophyll_placed::branch::rest_time(&scene.manifest));
+    stand_at(&mut out, scene, scene.manifest.rest_time());
     relight(&mut out, scene, &scene.placed.eyes)?;
     Ok(out)
 }
@@ -59,10 +59,6 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
         out.ground = Some(out.instances.len());
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(*albedo, ground));
-    }
-    for (twig, mesh) in &placed.twigs {
-        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
-        out.leaves.push(barked(twig.bark, mesh));
     }
     Ok(out)
 }
@@ -162,15 +158,9 @@ fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
     }
 }
 
-/// Moves only the branches and the plants' wood.
+/// Moves only the plants' wood.
 pub fn move_wood(world: &mut transport::World, placed: &Placed, time: f64) {
-    let mut first = world.leaves.len() - placed.twigs.len();
-    if let Some(bends) = &placed.bends {
-        for (k, (_, rest)) in placed.twigs.iter().enumerate() {
-            world.leaves[first + k].mesh = mesh(&bends.mesh(k, time, rest));
-        }
-    }
-    first -= usize::from(placed.ground.is_some()) + placed.wood.len();
+    let first = world.leaves.len() - usize::from(placed.ground.is_some()) - placed.wood.len();
     if let Some(winds) = &placed.winds {
         let sections = winds.sections(time);
         for (k, moved) in placed.wood.iter().enumerate().filter_map(|(k, wood)| Some((k, wood.moved(&sections)?))) {

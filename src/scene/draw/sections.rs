@@ -1,9 +1,7 @@
-//! Hands plants in the wind to the GPU renderer: the sections that carry leaves and bark, for each time.
+//! Hands plants that move to the GPU renderer: the sections that carry leaves and bark, for each time.
 
-use super::handover::still_branches;
 use glam::DQuat;
 use mesophyll_flora::pose::Rigid;
-use mesophyll_manifest::Manifest;
 use mesophyll_placed::Placed;
 use mesophyll_placed::sections::Bark;
 use mesophyll_viewer::scene as viewer;
@@ -29,15 +27,14 @@ impl Barks {
     }
 }
 
-/// Hands over the plants in the wind: poses in double precision, and a table of sections for each time.
-pub fn plants(manifest: &Manifest, placed: &Placed, barks: Barks, out: &mut viewer::Scene) {
+/// Hands over the plants that move: poses in double precision, and a table of sections for each time.
+pub fn plants(placed: &Placed, barks: Barks, out: &mut viewer::Scene) {
     let Some(winds) = placed.winds.clone() else { return };
     let section = |r: &Rigid| viewer::Section {
         from: r.from.as_vec3(),
         to: r.to.as_vec3(),
         turn: DQuat::from_mat3(&r.turn).as_quat(),
     };
-    out.wind.get_or_insert_with(|| still_branches(manifest));
     out.sections = Some(viewer::Sections {
         count: winds.section_count(),
         of_vertices: Arc::new(barks.of_vertices),

@@ -73,7 +73,7 @@ fn light(
             let mut facing = Facing::default();
             facing.add(
                 mesh,
-                &Placement { leaf: leaf.placed.index, transform: instances[i].transform, ride: None },
+                &Placement { leaf: leaf.placed.index, transform: instances[i].transform, section: None },
                 eyes,
                 Some((sun, radius)),
             );

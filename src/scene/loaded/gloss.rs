@@ -8,7 +8,6 @@ use glam::{DMat4, DVec3};
 use mesophyll_leaf::LeafFit;
 use mesophyll_manifest::{Manifest, ViewKind};
 use mesophyll_optics::side::Side;
-use mesophyll_placed::branch;
 use mesophyll_placed::daylight::{self, Daylight};
 use mesophyll_placed::fits::reads;
 use std::f64::consts::TAU;
@@ -30,8 +29,8 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
         .filter(|p| p.leaf == leaf.placed.index)
         .flat_map(|p| {
             let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-            let seen = views.filter_map(|v| Some((v.eye_mm?.into(), branch::time(manifest, v))));
-            if p.ride.is_none() || !placed.moves().plants() {
+            let seen = views.filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v))));
+            if p.section.is_none() || !placed.moves().plants() {
                 vec![(p.transform, seen.map(|(eye, _)| eye).collect())]
             } else {
                 seen.map(|(eye, time)| (placed.at_time(p, time).transform, vec![eye])).collect()

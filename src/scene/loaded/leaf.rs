@@ -15,7 +15,7 @@ use mesophyll_manifest::{Interior, ViewKind};
 use mesophyll_optics::side::Side;
 use mesophyll_placed::fits::reads;
 use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::{self as placed, branch, daylight};
+use mesophyll_placed::{self as placed, daylight};
 use mesophyll_transport::tone::display;
 use std::path::Path;
 
@@ -159,7 +159,7 @@ fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut 
     for p in placed.placements.iter().filter(|p| p.leaf == index) {
         for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
             let (Some(eye), Some(fov)) = (view.eye_mm, view.fov_deg) else { continue };
-            let at = placed.at_time(p, branch::time(manifest, view)).transform;
+            let at = placed.at_time(p, manifest.time_of(view)).transform;
             let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
             let nearest = (DVec3::from(eye).distance(centre) - radius * scale).max(1e-3);
             let pixel_mm = 2.0 * (fov.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);

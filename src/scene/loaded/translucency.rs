@@ -16,10 +16,10 @@ use mesophyll_leaf::frames;
 use mesophyll_leaf::{File, LeafFit, fill};
 use mesophyll_manifest::{Basis, ViewKind};
 use mesophyll_optics::side::Side;
+use mesophyll_placed as placed;
 use mesophyll_placed::daylight::{levels, sun_direction};
 use mesophyll_placed::fits::reads;
 use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::{self as placed, branch};
 use mesophyll_translucency::basis;
 use mesophyll_translucency::basis::Basis as Functions;
 use mesophyll_transport::tone::display;
@@ -192,12 +192,9 @@ fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
             .collect();
     }
     let mut times: Vec<f64> = match placed.moves().plants() {
-        true => manifest
-            .views
-            .iter()
-            .filter(|v| v.kind == ViewKind::Perspective)
-            .map(|v| branch::time(manifest, v))
-            .collect(),
+        true => {
+            manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| manifest.time_of(v)).collect()
+        }
         false => vec![0.0],
     };
     times.dedup();

@@ -71,11 +71,7 @@ pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
 fn stands_alone(manifest: &Manifest, placed: &Placed) -> bool {
     // A mesh of the scene's own may contain many leaves, whereas a fit's blade is one.
     let one_blade = manifest.leaves.iter().all(|l| l.mesh.is_none() && l.discs.is_none());
-    placed.placements.len() < 2
-        && placed.twigs.is_empty()
-        && placed.wood.is_empty()
-        && placed.ground.is_none()
-        && one_blade
+    placed.placements.len() < 2 && placed.wood.is_empty() && placed.ground.is_none() && one_blade
 }
 
 /// Decides about light between leaves.

@@ -27,7 +27,7 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
             plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
             let radius = sun.radius_deg.to_radians();
             let meshes: Vec<Option<&LeafMesh>> = placed.leaves.iter().map(|l| l.mesh.as_ref()).collect();
-            let leaves_alone = !free && placed.twigs.is_empty() && placed.wood.is_empty();
+            let leaves_alone = !free && placed.wood.is_empty();
             let beforehand = sun_visibility(manifest, placed).is_ok();
             match leaves_alone.then(|| facing::shadows(&meshes, &placed.placements, direction, radius)) {
                 Some(Err(why)) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),

@@ -4,7 +4,7 @@
 use crate::Result;
 use glam::DVec3;
 use mesophyll_manifest::{Manifest, View, ViewKind};
-use mesophyll_placed::{Placed, branch, leaf::Leaf, placement::Placement};
+use mesophyll_placed::{Placed, leaf::Leaf, placement::Placement};
 
 /// A mesh that is larger or smaller than the scanned blade by this factor is assumed to be in another unit.
 const STRANGE: f64 = 50.0;
@@ -47,7 +47,7 @@ fn unseen(manifest: &Manifest, placed: &Placed, leaf: &Leaf) -> Option<String> {
     let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
     for p in placed.placements.iter().filter(|p| p.leaf == leaf.index) {
         for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
-            let Placement { transform, .. } = placed.at_time(p, branch::time(manifest, view));
+            let Placement { transform, .. } = placed.at_time(p, manifest.time_of(view));
             let (centre, radius) = (transform.transform_point3(centre), radius * transform.x_axis.truncate().length());
             sizes.push(2.0 * radius);
             first.get_or_insert(centre);

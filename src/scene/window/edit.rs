@@ -16,11 +16,10 @@ use mesophyll_leaf::LeafFit;
 use mesophyll_leaf::edit::{self, Edit};
 use mesophyll_manifest::{Interior, View, ViewKind};
 use mesophyll_optics::side::{Side, Sides};
-use mesophyll_placed::branch;
 use mesophyll_placed::daylight::{self, Daylight};
 use mesophyll_placed::fits::reads;
 use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::placement::{OnBranch, Placement, Ride};
+use mesophyll_placed::placement::Placement;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
@@ -123,13 +122,11 @@ impl SceneEditor {
     /// The reference's world with the edits and with the window's lights.
     fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::World> {
         let mut world = reference::world(&self.scene, &self.ledger)?;
-        let time = scene.wind.as_ref().map_or_else(|| branch::rest_time(&self.scene.manifest), |w| w.time_s);
+        let time = scene.wind.as_ref().map_or_else(|| self.scene.manifest.rest_time(), |w| w.time_s);
         let place = |i: &viewer::Instance| {
             let rest = i.transform.as_dmat4();
-            let on = i.ride.and_then(|r| Some(Ride::Branch(OnBranch { branch: r.branch, at: f64::from(r.at?) })));
-            let whole = i.carried.filter(|c| c.vertices.is_none());
-            let ride = on.or(whole.map(|c| Ride::Section(c.first as usize)));
-            let at_rest = Placement { leaf: i.material, transform: rest, ride };
+            let section = i.carried.filter(|c| c.vertices.is_none()).map(|c| c.first as usize);
+            let at_rest = Placement { leaf: i.material, transform: rest, section };
             let transform = self.scene.placed.at_time(&at_rest, time).transform;
             transport::Placement { leaf: i.material, transform }
         };

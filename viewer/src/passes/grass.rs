@@ -3,7 +3,7 @@
 
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_half};
-use crate::passes::bend::{self, Bending};
+use crate::passes::bend;
 use crate::passes::main::{Drawing, drawing, frame_layout, vertex_state};
 use crate::passes::sky::pixel_rays;
 use crate::scene::{Camera, Dome, GRASS_STEPS, Grass, GrassSheet, GrassTable, Scene, Sun};
@@ -219,7 +219,7 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         surface: Surface::Opaque,
         msaa: scene.msaa,
         levels: false,
-        bend: Bending::default(),
+        bend: false,
         anchored: None,
         shares: false,
     };

@@ -69,7 +69,7 @@ pub(crate) struct Targets<'a> {
     pub background: [f32; 3],
     /// The sky, which replaces the background.
     pub sky: Option<&'a SkyPass>,
-    /// The bend of branches, if any.
+    /// The sections, if any.
     pub bend: Option<&'a BendPass>,
     /// The lawns, if any.
     pub grass: Option<&'a GrassPass>,
@@ -154,7 +154,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
         true,
         variant.tangent(),
         variant.leaf().is_some(),
-        variant.bend.any(),
+        variant.bend,
         variant.begins(),
         variant.anchored.is_some(),
     );
@@ -324,7 +324,7 @@ impl MainPass {
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
                 Some(batch.levels.enlarged().unwrap_or(&batch.instances)),
-                batch.rides.as_ref().filter(|_| variant.bend.any()),
+                batch.rides.as_ref().filter(|_| variant.bend),
                 batch.begins.as_ref().filter(|_| variant.begins()),
                 mesh.places.as_ref().filter(|_| variant.anchored.is_some()),
             ];
@@ -353,13 +353,12 @@ fn words(bytes: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::passes::bend::Bending;
     use crate::scene::Sides;
     use crate::variant::{LeafSurface, Lights, SideVariant, Surface};
 
     fn lit(surface: Surface) -> Variant {
         let lights = Lights { sun: true, sky: true, ..Lights::default() };
-        Variant { lights, surface, msaa: 4, levels: false, bend: Bending::default(), anchored: None, shares: false }
+        Variant { lights, surface, msaa: 4, levels: false, bend: false, anchored: None, shares: false }
     }
 
     fn lines(v: &Variant) -> Vec<String> {

@@ -54,14 +54,14 @@ struct Vertex {
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
     //#if BEND
-    // The branch, and the place on it: see `bent`.
+    // The section that carries the instance: see `bent`.
     @location(7) ride: vec2f,
     //#endif
     //#if TRANSFER || SHARES
     // First row of the light that arrives at the instance, and index of its first vertex's share of the sun.
     @location(9) begin: vec2u,
     //#endif
-    //#if SHARES || SECTIONS
+    //#if SHARES || BEND
     @builtin(vertex_index) number: u32,
     //#endif
     //#if TRANSFER
@@ -115,15 +115,11 @@ fn vertex(in: Vertex) -> Varying {
     out.tangent = vec4f(turned(in, in.tangent.xyz), in.tangent.w);
     //#endif
     //#if BEND
-    var number = 0u;
-    //#if SECTIONS
-    number = in.number;
-    //#endif
     //#if TANGENT
-    let swung = bent(in.ride, number, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(in.ride, in.number, out.world, out.normal, out.tangent.xyz);
     out.tangent = vec4f(swung.tangent, in.tangent.w);
     //#else
-    let swung = bent(in.ride, number, out.world, out.normal, vec3f(0.0));
+    let swung = bent(in.ride, in.number, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
     out.normal = swung.normal;

@@ -7,7 +7,7 @@ use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass};
 use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
 use crate::passes::shadow::{OUTLINE, mask_group, mask_layout};
-use crate::scene::{Branch, Scene, Sections, Wind};
+use crate::scene::{Scene, Sections, Wind};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
@@ -58,7 +58,7 @@ impl MotionPass {
         let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
         let sections = scene.sections.as_ref().map_or(0, |s| s.count);
         for (batch, _, material) in drawn.iter() {
-            let (masked, bends) = (material.mask().is_some(), batch.variant.bend.any());
+            let (masked, bends) = (material.mask().is_some(), batch.variant.bend);
             if !pass.pipelines.contains_key(&(masked, bends)) {
                 let made = pass.pipeline(gpu, &layout, masked, &batch.variant, sections);
                 stats.pipeline(&format!(
@@ -80,13 +80,13 @@ impl MotionPass {
         variant: &Variant,
         sections: usize,
     ) -> wgpu::RenderPipeline {
-        let defines = bend::defines_of_times(Defines::default(), &variant.bend, 2, sections).set("MASK", masked);
+        let defines = bend::defines(Defines::default(), variant.bend, sections).set("MASK", masked);
         let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("motion.wgsl")].concat(), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("motion"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
         });
-        let bends = variant.bend.any();
+        let bends = variant.bend;
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("motion"),
             bind_group_layouts: &[
@@ -103,17 +103,10 @@ impl MotionPass {
     }
 
     /// Takes over the cameras, and the wind at the picture's time and at the earlier time.
-    pub(crate) fn aim(
-        &self,
-        gpu: &Gpu,
-        cameras: Cameras,
-        branches: &[Branch],
-        sections: Option<&Sections>,
-        winds: [Option<&Wind>; 2],
-    ) {
+    pub(crate) fn aim(&self, gpu: &Gpu, cameras: Cameras, sections: Option<&Sections>, winds: [Option<&Wind>; 2]) {
         gpu.queue.write_buffer(&self.cameras, 0, bytemuck::bytes_of(&cameras));
         if let Some(bend) = &self.bend {
-            bend.set_times(gpu, branches, sections, &winds);
+            bend.set_times(gpu, sections, &winds);
         }
     }
 
@@ -153,7 +146,7 @@ impl MotionPass {
         }
         for (batch, mesh, material) in drawn.iter() {
             let mask = mask_group(gpu, &self.mask_layout, material, samplers);
-            let bends = batch.variant.bend.any();
+            let bends = batch.variant.bend;
             let Some(pipeline) = self.pipelines.get(&(mask.is_some(), bends)) else { continue };
             pass.set_pipeline(pipeline);
             if let Some(mask) = &mask {

@@ -15,8 +15,6 @@ struct Vertex {
     @location(6) world_z: vec4f,
     //#if BEND
     @location(7) ride: vec2f,
-    //#endif
-    //#if SECTIONS
     @builtin(vertex_index) number: u32,
     //#endif
 }
@@ -30,11 +28,7 @@ fn at_rest(in: Vertex) -> vec3f {
 //#if BEND
 // Its place at one of the times that are stored.
 fn stands_at(time: u32, in: Vertex) -> vec3f {
-    var number = 0u;
-    //#if SECTIONS
-    number = in.number;
-    //#endif
-    return bent_at(time, in.ride, number, at_rest(in), vec3f(0.0), vec3f(0.0)).position;
+    return bent_at(time, in.ride, in.number, at_rest(in), vec3f(0.0), vec3f(0.0)).position;
 }
 //#endif
 

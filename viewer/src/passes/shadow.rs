@@ -161,7 +161,7 @@ impl ShadowPass {
         });
         let own_mask = drawn.batches.iter().any(|b| b.casts && b.variant.masked()).then(|| mask_layout(gpu));
         let mut need = |masked: bool, bends: bool| {
-            let of = |v: &&Variant| v.masked() == masked && v.bend.any() == bends;
+            let of = |v: &&Variant| v.masked() == masked && v.bend == bends;
             let first = drawn.batches.iter().filter(|b| b.casts).map(|b| &b.variant).find(of)?;
             let name = if masked { "shadow: masked" } else { "shadow: opaque" };
             stats.pipeline(&format!("{name}{}", if bends { ", bend" } else { "" }));
@@ -249,7 +249,7 @@ impl ShadowPass {
                 if !batch.casts {
                     continue;
                 }
-                let bends = usize::from(batch.variant.bend.any());
+                let bends = usize::from(batch.variant.bend);
                 let pipelines = if mask.is_some() { &self.masked } else { &self.opaque };
                 let Some(pipeline) = &pipelines[bends] else { continue };
                 pass.set_pipeline(pipeline);
@@ -261,7 +261,7 @@ impl ShadowPass {
                     Some(&mesh.positions),
                     uvs,
                     Some(&batch.instances),
-                    batch.rides.as_ref().filter(|_| batch.variant.bend.any()),
+                    batch.rides.as_ref().filter(|_| batch.variant.bend),
                 ];
                 for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));
@@ -321,7 +321,7 @@ fn pipeline(
     mask: Option<&wgpu::BindGroupLayout>,
     variant: &Variant,
 ) -> wgpu::RenderPipeline {
-    let defines = bend::defines(Defines::default(), &variant.bend).set("MASK", mask.is_some());
+    let defines = bend::defines(Defines::default(), variant.bend, 0).set("MASK", mask.is_some());
     let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("shadow.wgsl")].concat(), &defines);
     let bend = bend::layout_of(gpu, variant);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -340,7 +340,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false, mask.is_some(), variant.bend.any(), false, false),
+            buffers: &vertex_layouts(false, false, mask.is_some(), variant.bend, false, false),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

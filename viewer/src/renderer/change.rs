@@ -53,15 +53,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes over another time of `wind`, which must not change otherwise. Branches, everything that rides on them, and
-    /// their shadows move.
+    /// Takes over another time of the wind. Everything that sections carry moves, and its shadows with it.
     pub fn set_time(&mut self, wind: &Wind) {
         let Some(loaded) = &mut self.loaded else { return };
         if let Some(grass) = &mut loaded.grass {
             grass.time = wind.time_s;
         }
         let Some(bend) = &loaded.bend else { return };
-        bend.set_time(&self.gpu, loaded.extents.branches(), loaded.extents.sections(), wind);
+        bend.set_times(&self.gpu, loaded.extents.sections(), &[Some(wind)]);
         loaded.casters = loaded.extents.casters(Some(wind));
         loaded.ball = ball(&loaded.extents.corners(Some(wind)));
         if let (Some(sun), Some(shadow)) = (loaded.sun, &mut loaded.shadow) {

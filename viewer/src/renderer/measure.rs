@@ -1,7 +1,6 @@
 //! Measurements of the scene that is set, besides its pictures: times, bent vertices, lengths of shaders.
 
 use super::Renderer;
-use crate::bend::Moved;
 use crate::error::{Error, Result};
 use crate::readback;
 use crate::scene::{Camera, Scene};
@@ -53,12 +52,12 @@ impl Renderer {
     /// `Scene` where nothing bends the instance or no scene is set, `Readback`.
     pub fn bent_vertices(&self, scene: &Scene, index: usize) -> Result<Vec<[Vec3; 3]>> {
         let bend = self.loaded.as_ref().and_then(|l| l.bend.as_ref());
-        let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| Moved::of(i).any())) else {
+        let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| i.carried.is_some())) else {
             let place = format!("instance {index}");
             return Err(Error::Scene {
                 place,
                 found: "nothing that bends it".into(),
-                expected: "an instance on a branch or a section of the set scene".into(),
+                expected: "an instance that a section of the set scene carries".into(),
             });
         };
         let (mesh, m) = (&scene.meshes[instance.mesh], instance.transform);

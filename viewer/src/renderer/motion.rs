@@ -58,7 +58,7 @@ impl Renderer {
         let half_size = [0.5 * width as f32, -0.5 * height as f32, 0.0, 0.0];
         let cameras = Cameras { now: of(camera), before: of(earlier), half_size };
         let winds = [scene.wind.as_ref(), before.or(scene.wind.as_ref())];
-        pass.aim(gpu, cameras, loaded.extents.branches(), loaded.extents.sections(), winds);
+        pass.aim(gpu, cameras, loaded.extents.sections(), winds);
         let texture = |format, usage| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("motion"),

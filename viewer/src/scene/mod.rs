@@ -67,7 +67,7 @@ pub use light::{Anchors, Dome, Scanner, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
-pub use motion::{Branch, Carried, MOST_BRANCHES, Ride, Section, Sections, Wind};
+pub use motion::{Carried, Section, Sections, Wind};
 use std::sync::Arc;
 
 /// Everything in a picture: meshes, materials, instances, the things that bend, and the lights.
@@ -100,9 +100,7 @@ pub struct Scene {
     pub shadow_resolution: u32,
     /// Number of samples for each pixel, 1 or 4.
     pub msaa: u32,
-    /// Branches that bend, at most [`MOST_BRANCHES`]. Where nothing rides on any of them, no shader bends.
-    pub branches: Vec<Branch>,
-    /// The wind that sways them. With `None`, no motion texture is uploaded.
+    /// The wind, whose time moves sections and lawns. With `None`, the time is 0.
     pub wind: Option<Wind>,
     /// Cross-sections of plants that carry leaves and bark, at the wind's time. With `None`, plants stand still.
     pub sections: Option<Sections>,
@@ -127,8 +125,6 @@ pub struct Instance {
     pub material: usize,
     /// From the mesh's frame to the world.
     pub transform: Mat4,
-    /// The branch that bends it. The transform is its place at rest.
-    pub ride: Option<Ride>,
     /// The section of the scene that carries it. The transform is its place at rest.
     pub carried: Option<Carried>,
     /// First row of its anchors in the scene's [`Transfer`].

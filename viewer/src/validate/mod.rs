@@ -44,7 +44,7 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
     for (i, grass) in scene.grass.iter().enumerate() {
         crate::grass::validate(gpu, i, grass)?;
     }
-    motion::branches(scene)?;
+    motion::wind(scene)?;
     motion::sections(gpu, scene)?;
     transfer::transfer(gpu, scene)?;
     transfer::shares(gpu, scene)?;

@@ -4,11 +4,12 @@
 #[path = "../../../tests/common/skips.rs"]
 pub mod skips;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Quat, Vec2, Vec3, Vec4};
 use mesophyll_viewer::scene::{
-    Branch, Camera, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides, SlabCurve, Sun,
+    Camera, Interior, Leaf, Lobe, Material, Mesh, Scene, Section, Sections, SideMaps, Sides, SlabCurve, Sun,
 };
 use mesophyll_viewer::{Error, Options, Renderer};
+use std::sync::Arc;
 
 pub const RHO_D: [f32; 3] = [0.08, 0.12, 0.05];
 pub const RHO_T: [f32; 3] = [0.06, 0.11, 0.02];
@@ -181,23 +182,27 @@ pub fn bent(half: f32, n: usize, bend: f32) -> Mesh {
     mesh
 }
 
-/// A straight branch of 24 mm along x through a leaf of [`square`] or [`bent`]. Its tip would move by `amplitude` of
-/// its length.
-pub fn cantilever(amplitude: f32, gain: f32) -> Branch {
-    Branch {
-        root: Vec3::new(-12.0, 0.0, 0.0),
-        t: Vec3::X,
-        r: Vec3::Y,
-        s: Vec3::Z,
-        length: 24.0,
-        alpha: 1.0,
-        ln_alpha: 0.0,
-        ell: 1.0,
-        // A cantilever under an even load: the deflection is x²(6 − 4x + x²)/3 of that of the tip.
-        a: [2.0, -4.0 / 3.0, 1.0 / 3.0, 0.0],
-        still: [0.0, amplitude],
-        gain,
-        start: [0.1, 0.2],
-        velocity: [0.05, 0.006],
-    }
+/// Sections across x of a leaf of [`square`] or [`bent`], whose vertices they carry one by one: the leaf swings about
+/// the line x = −12 by `still` radians at once and by up to 0.3 radians, once in 20 s.
+pub fn swinging(mesh: &Mesh, still: f32) -> Sections {
+    let columns: Vec<f32> = {
+        let mut all: Vec<f32> = mesh.positions.iter().map(|p| p.x).collect();
+        all.sort_by(f32::total_cmp);
+        all.dedup();
+        all
+    };
+    let of = |p: &Vec3| columns.iter().position(|x| *x == p.x).unwrap_or(0) as u32;
+    let of_vertices = Arc::new(mesh.positions.iter().map(of).collect::<Vec<u32>>());
+    let count = columns.len();
+    let at = move |time: f64| {
+        let angle = still + (0.3 * (std::f64::consts::TAU * time / 20.0).sin()) as f32;
+        let section = |x: &f32| {
+            // The way from the line grows with x, and so does the turn.
+            let turn = Quat::from_rotation_y(-angle * (x + 12.0) / 24.0);
+            let from = Vec3::X * *x;
+            Section { from, to: Vec3::X * -12.0 + turn * (from + Vec3::X * 12.0), turn }
+        };
+        columns.iter().map(section).collect()
+    };
+    Sections { count, of_vertices, at: Arc::new(at) }
 }

@@ -1,10 +1,10 @@
 //! Changes of sun, sky and wind by hand.
 
 use crate::bench::{Bench, PIXELS, bench, bench_on, even_dome, two_leaves};
-use crate::common::*;
-use glam::Vec3;
-use mesophyll_viewer::scene::{Branch, Ride, Wind};
+use glam::{Quat, Vec3};
+use mesophyll_viewer::scene::{Carried, Section, Sections, Wind};
 use mesophyll_window::WindowView;
+use std::sync::Arc;
 
 #[test]
 fn sun_and_turbidity_ask_for_another_sky() {
@@ -84,14 +84,19 @@ fn the_sun_moves_and_shadows_follow() {
 }
 
 #[test]
-fn a_swaying_branch_plays_and_stops() {
+fn a_swaying_leaf_plays_and_stops() {
     let (mut window, toy) = two_leaves();
-    let branch = Branch { length: 48.0, velocity: [0.5, 0.06], ..cantilever(0.0, 1.0) };
-    let motion = (0..32 * 32).map(|k| [0.0, 0.3 * (std::f32::consts::TAU * (k % 32) as f32 / 32.0).sin()]).collect();
-    window.scene.branches = vec![branch];
-    window.scene.wind = Some(Wind { size: 32, motion, time_s: 0.0 });
+    window.scene.sections = Some(Sections {
+        count: 1,
+        of_vertices: Arc::new(Vec::new()),
+        at: Arc::new(|time| {
+            let to = Vec3::Z * (9.0 * (0.5 * std::f64::consts::TAU * time).sin()) as f32;
+            vec![Section { from: Vec3::ZERO, to, turn: Quat::IDENTITY }]
+        }),
+    });
+    window.scene.wind = Some(Wind { time_s: 0.0 });
     window.views.push(WindowView { name: "later".into(), camera: window.camera, time_s: Some(0.9) });
-    window.scene.instances[1].ride = Some(Ride { branch: 0, at: Some(0.8) });
+    window.scene.instances[1].carried = Some(Carried { first: 0, vertices: None });
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let time = |bench: &Bench| bench.ui.scene().wind.as_ref().map_or(f64::NAN, |w| w.time_s);
     let rect = bench.ui.landmark_rect("picture").expect("picture");

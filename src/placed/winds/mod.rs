@@ -1,21 +1,21 @@
-//! How the scene's plants sway: what every branch carries, how far the wind moves it, and when.
+//! How the scene's plants move: what every branch carries, how far its load and the wind move it, and when.
 //!
-//! A branch is an oscillator ([`super::sways`]). The wind's force on everything that it carries is proportional to the
+//! A branch is an oscillator ([`crate::sways`]). The wind's force on everything that it carries is proportional to the
 //! wind's speed (Eq. 4.19). Gusts come from motion textures. H9 has one for each level of branching, and a branch with
 //! another resonance runs faster through it. The branch's spectrum would then be right only if the wind's spectrum were
 //! a power of the frequency, which it is not. Here, branches share a texture if their resonances are within
-//! [`super::sways::ALIKE`] of each other, whatever their level.
+//! [`crate::sways::ALIKE`] of each other, whatever their level.
 
-use super::branch::{MOTION_SIDE, variance, wind_direction};
-use super::flutter::{Fluttering, Gusts, TEXTURES};
-use super::plant::Planted;
-use super::sections::Sections;
-use super::sways::{alike, leads, sways};
+use crate::flutter::{Fluttering, Gusts, TEXTURES};
 use crate::ledger::Ledger;
+use crate::overrides::Stated;
+use crate::plant::Planted;
+use crate::sections::Sections;
+use crate::sways::{MOTION_SIDE, alike, leads, sways, variance};
 use crate::{Error, Result};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DMat4, DVec3};
 use mesophyll_fit_branch::beam::basis;
-use mesophyll_flora::pose::{Limbs, Pose, Rigid};
+use mesophyll_flora::pose::{FREELY, Limb, Limbs, Pose, Rigid};
 use mesophyll_manifest::{Flutter, Manifest};
 use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
@@ -38,7 +38,7 @@ pub struct Answer {
     gain: f64,
 }
 
-/// A `[[plant]]` that sways, with all its places.
+/// A `[[plant]]` that moves, with all its places.
 #[derive(Debug)]
 pub struct Swaying {
     /// Its branches, in the plant's frame.
@@ -49,8 +49,10 @@ pub struct Swaying {
     pub sections: Sections,
     /// How its leaves flutter; `None` where the scene states no flutter.
     pub flutter: Option<Fluttering>,
-    /// For each place, the direction that the wind blows to, in the plant's frame.
-    towards: Vec<DVec3>,
+    /// For each branch, the amplitude of its stated load if it were horizontal.
+    loads: Vec<f64>,
+    /// For each place, the direction that the wind blows to, and the world's up; in the plant's frame.
+    towards: Vec<[DVec3; 2]>,
     seed: u64,
 }
 
@@ -62,10 +64,10 @@ const MOST_SECTIONS: usize = 4_000_000;
 /// The largest number of vertices of bark of all plants together. Every place counts separately.
 const MOST_BARK: usize = 20_000_000;
 
-/// All plants of a scene in its wind.
+/// All plants of a scene that move: in its wind, and by loads that the scene states.
 #[derive(Debug)]
 pub struct Winds {
-    /// The plants, in the manifest's order; `None` for a plant that no wind moves.
+    /// The plants, in the manifest's order; `None` for a plant that nothing moves.
     pub plants: Vec<Option<Swaying>>,
     /// The motion textures.
     pub motions: Vec<Motion>,
@@ -76,26 +78,28 @@ pub struct Winds {
 }
 
 impl Winds {
-    /// How the plants sway; `None` where none does.
+    /// How the plants move; `None` where none does.
     ///
     /// # Errors
-    /// [`Error::Input`] where a sway or a flutter has no spectrum, where leaves should flutter on branches that do not
+    /// [`Error::Input`] where a stated load bends a branch too far, where a sway or a flutter has no spectrum, where leaves should flutter on branches that do not
     /// sway, and for too many textures, cross-sections or vertices of bark.
     pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
-        let Some(wind) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else { return Ok(None) };
-        let moves = |said: &mesophyll_manifest::Plant| said.drag_n_s_m3 > 0.0;
-        if !manifest.plants.iter().any(moves) {
+        let wind = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0);
+        let seed = wind.map_or(0, |w| w.seed);
+        let mean = wind
+            .map_or(Wind { speed: 0.0, turbulence: 0.0 }, |w| Wind { speed: w.speed_m_s, turbulence: w.turbulence });
+        let sways: Vec<Vec<Option<(Sway, f64)>>> =
+            manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, p)).collect();
+        let flutters = if wind.is_some() { flutters(manifest, planted, &sways)? } else { Vec::new() };
+        let loaded = |p: &Planted| p.stated.iter().any(|s| s.load != 0.0);
+        let moves: Vec<bool> =
+            planted.iter().zip(&sways).map(|(p, of)| loaded(p) || of.iter().any(Option::is_some)).collect();
+        if !moves.contains(&true) {
             return Ok(None);
         }
+        // The coefficients of all tapers are fitted at most once during a run of the program.
         if ledger.count("fit", "beam") == 0 {
             ledger.note("fit", "beam", 0, basis::smooth);
-        }
-        let mean = Wind { speed: wind.speed_m_s, turbulence: wind.turbulence };
-        let sways: Vec<Vec<Option<(Sway, f64)>>> =
-            manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
-        let flutters = flutters(manifest, planted, &sways)?;
-        if sways.iter().flatten().all(Option::is_none) {
-            return Ok(None);
         }
         let leads = leads(sways.iter().flatten().flatten().map(|(sway, _)| *sway).collect());
         let of_leaves = TEXTURES * flutters.len();
@@ -113,24 +117,25 @@ impl Winds {
         }
         let bytes = (leads.len() * MOTION_SIDE * MOTION_SIDE * 8) as u64;
         let make = |(k, lead): (usize, &Sway)| {
-            let seed = wind.seed.wrapping_add((k as u64) << 48);
+            let seed = seed.wrapping_add((k as u64) << 48);
             Motion::new(|f| lead.spectrum(f), lead.highest(), MOTION_SIDE, seed, Method::Directed)
         };
-        let made = ledger.note("make", "motion textures of plants", bytes, || {
-            leads.par_iter().enumerate().map(make).collect::<Option<Vec<Motion>>>()
-        });
+        let all = || leads.par_iter().enumerate().map(make).collect::<Option<Vec<Motion>>>();
+        let made = match leads.is_empty() {
+            true => Some(Vec::new()),
+            false => ledger.note("make", "motion texture", bytes, all),
+        };
         let motions = made.ok_or_else(|| {
             Error::field(&manifest.path, "wind", "the plants' sway has no spectrum that is positive and finite")
         })?;
         let of_kind = |(k, said): (usize, &&Flutter)| {
-            let seed = wind.seed.wrapping_add((1 + k as u64) << 40);
+            let seed = seed.wrapping_add((1 + k as u64) << 40);
             let what = "the leaves' flutter has no spectrum that is positive and finite";
             Gusts::new(said, mean, seed, ledger)
                 .map(Arc::new)
                 .ok_or_else(|| Error::field(&manifest.path, "plant", what))
         };
         let gusts: Vec<Arc<Gusts>> = flutters.iter().enumerate().map(of_kind).collect::<Result<_>>()?;
-        let sways_somewhere: Vec<bool> = sways.iter().map(|of| of.iter().any(Option::is_some)).collect();
         let mut first = 0;
         let of_lead: Vec<f64> = leads.iter().map(variance).collect();
         let plants = planted.iter().zip(sways).enumerate().map(|(index, (p, sways))| {
@@ -143,35 +148,39 @@ impl Winds {
                 Some(Answer { sway, mass, texture, faster, gain })
             };
             let answers = sways.into_iter().enumerate().map(answer).collect();
-            let world = wind_direction(manifest);
-            let towards = p.places.iter().map(|m| (DMat3::from_mat4(*m).transpose() * world).normalize_or_zero());
-            let towards = towards.collect();
-            let seed = wind.seed.wrapping_add((1 + index as u64) << 40);
-            sways_somewhere[index].then(|| {
+            let world = wind.map_or(DVec3::X, mesophyll_manifest::Wind::direction);
+            let own = |m: &DMat4, v: DVec3| (DMat3::from_mat4(*m).transpose() * v).normalize_or_zero();
+            let towards = p.places.iter().map(|m| [own(m, world), own(m, DVec3::Z)]).collect();
+            let load = |(s, limb): (&Stated, &Limb)| if limb.length > 0.0 { s.load / limb.length } else { 0.0 };
+            let loads = p.stated.iter().zip(&limbs.0).map(load).collect();
+            let seed = seed.wrapping_add((1 + index as u64) << 40);
+            moves[index].then(|| {
                 let sections = Sections::new(p, first);
                 first = sections.end();
                 let kind = manifest.plants[index].flutter.as_ref().and_then(|f| flutters.iter().position(|g| *g == f));
                 let flutter = kind.map(|kind| Fluttering::new(gusts[kind].clone(), world, p));
-                Swaying { limbs, answers, sections, flutter, towards, seed }
+                Swaying { limbs, answers, sections, flutter, loads, towards, seed }
             })
         });
         let plants: Vec<Option<Swaying>> = plants.collect();
         bounded(manifest, planted, &plants)?;
+        held(manifest, planted, &plants)?;
         Ok(Some(Winds { plants, motions, gusts, last: Mutex::default() }))
     }
 
     /// Amplitude of a branch towards r and s of its limb, at a place and a time (s).
     fn amplitude(&self, plant: &Swaying, place: usize, branch: usize, time: f64) -> [f64; 2] {
-        let Some(answer) = &plant.answers[branch] else { return [0.0; 2] };
+        let weight = plant.weight(place, branch);
+        let Some(answer) = &plant.answers[branch] else { return weight };
         let (limb, motion) = (&plant.limbs.0[branch], &self.motions[answer.texture]);
         let [_, r, s] = limb.axes;
-        let still = answer.sway.steady(plant.towards[place].to_array(), r.to_array(), s.to_array());
+        let still = answer.sway.steady(plant.towards[place][0].to_array(), r.to_array(), s.to_array());
         let seed = plant.seed.wrapping_add(((place as u64) << 20) + 1 + branch as u64);
         let gust = motion.sample(motion.trajectory(seed, answer.faster).at(time));
-        [0, 1].map(|c| still[c] / limb.tip + answer.gain * gust[c])
+        [0, 1].map(|c| weight[c] + (still[c] / limb.tip + answer.gain * gust[c]))
     }
 
-    /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where no wind moves it.
+    /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where nothing moves it.
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
         let pose = swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time));
@@ -180,6 +189,36 @@ impl Winds {
             None => pose,
         })
     }
+}
+
+impl Swaying {
+    /// Amplitude of a branch towards r and s of its limb by its stated load. Only the part of the weight across the
+    /// branch bends it.
+    fn weight(&self, place: usize, branch: usize) -> [f64; 2] {
+        let [_, r, s] = self.limbs.0[branch].axes;
+        [r, s].map(|across| -across.dot(self.towards[place][1]) * self.loads[branch])
+    }
+}
+
+/// Refuses a stated load that bends a branch farther than a beam bends.
+fn held(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) -> Result<()> {
+    for (k, swaying) in plants.iter().enumerate() {
+        let Some(swaying) = swaying else { continue };
+        for branch in (0..swaying.loads.len()).filter(|b| swaying.loads[*b] != 0.0) {
+            let tips = (0..swaying.towards.len()).map(|place| {
+                let [x, y] = swaying.weight(place, branch);
+                x.hypot(y) * swaying.limbs.0[branch].tip
+            });
+            let tip = tips.fold(0.0, f64::max);
+            if !(tip <= FREELY) {
+                let name = &planted[k].plant.branches[branch].name;
+                let found = format!("a load under which its tip goes by {tip:.2} of its length");
+                let field = format!("plant {}: branch \"{name}\"", k + 1);
+                return Err(Error::unexpected(&manifest.path, &field, found, format!("at most {FREELY}")));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// All kinds of flutter of a scene, each once.
@@ -254,120 +293,4 @@ impl Winds {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use std::f64::consts::TAU;
-
-    pub fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
-        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
-        let mut manifest = Manifest::read(&root).unwrap();
-        manifest.wind = Some(mesophyll_manifest::Wind {
-            speed_m_s: speed,
-            azimuth_deg: 30.0,
-            turbulence: 0.3,
-            seed: 7,
-            time_s: 0.0,
-        });
-        let planted = super::super::plant::planted(&manifest, &Ledger::new()).unwrap();
-        (manifest, planted)
-    }
-
-    fn winds(speed: f64) -> (Vec<Planted>, Winds) {
-        let (manifest, planted) = scene(speed);
-        let winds = Winds::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
-        println!("{} textures", winds.motions.len());
-        (planted, winds)
-    }
-
-    /// The spectrum of every branch's deflection over three thousand periods, by a discrete Fourier transform of
-    /// segments, agrees with the formula. Bands are at least a quarter octave wide, from a tenth of the resonance to
-    /// one and a half times it.
-    #[test]
-    fn branches_have_the_spectra_of_their_own_resonance() {
-        let (_, winds) = winds(4.0);
-        let plant = winds.plants[0].as_ref().unwrap();
-        let most = plant.answers.iter().flatten().map(|a| (a.faster - 1.0).abs()).fold(0.0, f64::max);
-        assert!(most > 0.02 && most < 0.06, "{most}");
-        let mut worst = 0.0f64;
-        for k in [0, 14, 33] {
-            let answer = plant.answers[k].as_ref().unwrap();
-            let (f_h, tip) = (answer.sway.oscillator.resonance, plant.limbs.0[k].tip);
-            // 128 segments of 512 readings, with eight readings in a period.
-            let (dt, segment) = (0.125 / f_h, 512);
-            let still = {
-                let [_, r, s] = plant.limbs.0[k].axes.map(|v| v.to_array());
-                answer.sway.steady(plant.towards[0].to_array(), r, s)
-            };
-            let readings: Vec<[f64; 2]> = (0..128 * segment)
-                .map(|n| {
-                    let a = winds.amplitude(plant, 0, k, 50.0 + n as f64 * dt);
-                    [0, 1].map(|c| a[c] * tip - still[c])
-                })
-                .collect();
-            let step = 1.0 / (segment as f64 * dt);
-            for band in [[6, 12], [12, 24], [24, 44], [44, 60], [60, 70], [70, 96]] {
-                let (mut have, mut want) = (0.0, 0.0);
-                for bin in band[0]..band[1] {
-                    let f = f64::from(bin) * step;
-                    want += answer.sway.spectrum(f);
-                    for part in readings.chunks(segment) {
-                        for c in 0..2 {
-                            let (mut re, mut im) = (0.0, 0.0);
-                            let (sin, cos) = (TAU * f * dt).sin_cos();
-                            let (mut x, mut y) = (1.0, 0.0);
-                            for (n, v) in part.iter().enumerate() {
-                                let window = (std::f64::consts::PI * n as f64 / segment as f64).sin().powi(2);
-                                re += window * v[c] * x;
-                                im += window * v[c] * y;
-                                (x, y) = (x * cos - y * sin, x * sin + y * cos);
-                            }
-                            // Hann's window keeps 3/8 of the power.
-                            have += 2.0 * dt * (re * re + im * im) / (0.375 * segment as f64) / 256.0;
-                        }
-                    }
-                }
-                // There are at least 6 bins of 256 values each, half of them independent, so a standard deviation is at
-                // most 4 %. The texture's other resonance changes the spectrum by 4 %.
-                worst = worst.max((have / want - 1.0).abs());
-            }
-        }
-        println!("bands are off by {:.3} at most", worst);
-        assert!(worst < 0.16, "{worst}");
-    }
-
-    /// Plants with the same flutter share textures. Too many kinds, and leaves on still branches, are refused.
-    #[test]
-    fn kinds_of_flutter_are_counted() {
-        let (mut manifest, mut planted) = scene(4.0);
-        let said = |k: usize| Some(Flutter { deg_per_m_s: 4.0, resonance_hz: 4.0 + 0.01 * k as f64, damping: 0.3 });
-        manifest.plants[0].flutter = said(0);
-        manifest.plants = vec![manifest.plants[0].clone(); 22];
-        let one = planted.remove(0);
-        planted = vec![one; 22];
-        let winds = Winds::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
-        assert_eq!(winds.gusts.len(), 1);
-        assert!(winds.plants.iter().flatten().all(|p| p.flutter.is_some()));
-        (0..22).for_each(|k| manifest.plants[k].flutter = said(k));
-        let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
-        assert!(error.contains("and of 66 for the flutter of leaves, expected at most 64 in all"), "{error}");
-        manifest.plants[0].drag_n_s_m3 = 0.0;
-        let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
-        assert!(error.contains("plant 1: flutter: leaves cannot flutter where no branch sways"), "{error}");
-    }
-
-    #[test]
-    fn storms_and_far_times_have_a_pose() {
-        let (planted, winds) = winds(60.0);
-        for time in [3.0, 1e6, -1e6] {
-            let pose = winds.pose(0, 0, time).unwrap();
-            let posed = pose.plant(&planted[0].plant);
-            for (rest, now) in planted[0].plant.branches.iter().zip(&posed.branches) {
-                assert!((now.length() / rest.length() - 1.0).abs() < 1e-5, "{time} {}", rest.name);
-            }
-            // In a hundredth of a second, no tip moves by a fifth of the plant.
-            let next = winds.pose(0, 0, time + 0.01).unwrap();
-            assert!((0..posed.branches.len()).all(|k| pose.tip(k).distance(next.tip(k)) < 240.0), "{time}");
-        }
-        assert!(winds.pose(1, 0, 0.0).is_none());
-    }
-}
+pub(crate) mod tests;
