@@ -4,7 +4,8 @@ use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use std::f64::consts::TAU;
 
-/// A plant at rest: its branches have the shape that their own weight has given them.
+/// A plant at rest: its branches have the shape that their own weight has given them, except those that are
+/// [`Branch::unloaded`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plant {
     /// Name of the plant.
@@ -50,10 +51,32 @@ pub struct Branch {
     pub tip_radius: f64,
     /// F/(E′r₁⁴) (mm) under its load if the branch were horizontal, as `fit beam --deflections` defines it.
     pub load: f64,
+    /// Whether the shape is the one without this load. A scene then bends the branch under it.
+    pub unloaded: bool,
+    /// What is stated about its motion.
+    pub stated: Stated,
     /// Name of the bark's material.
     pub material: String,
     /// The bark, in the branch's own frame; may be empty.
     pub wood: LeafMesh,
+}
+
+/// Least and largest of the numbers of [`Stated`]: lean (1 for each m/s), resonance (Hz) and damping.
+pub const LEANS: [f64; 2] = [0.0, 1.0];
+/// See [`LEANS`].
+pub const RESONANCES: [f64; 2] = [1e-3, 1e3];
+/// See [`LEANS`].
+pub const DAMPINGS: [f64; 2] = [0.01, 10.0];
+
+/// What is stated about the motion of a branch. What is absent follows from the size and the mass of the plant.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Stated {
+    /// The tip's deflection over the length for each m/s of a steady wind across the branch.
+    pub lean_per_m_s: Option<f64>,
+    /// Resonance frequency (Hz).
+    pub resonance_hz: Option<f64>,
+    /// Damping relative to critical damping.
+    pub damping: Option<f64>,
 }
 
 /// A leaf on a branch.
@@ -114,6 +137,11 @@ impl Branch {
     pub fn frame(&self) -> DMat4 {
         let [t, r, s] = self.axes;
         DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), self.root.extend(1.0))
+    }
+
+    /// The load (mm, as [`Branch::load`]) under which a scene bends the branch.
+    pub fn bending_load(&self) -> f64 {
+        if self.unloaded { self.load } else { 0.0 }
     }
 
     /// Length along the axis (mm).
@@ -325,6 +353,8 @@ mod tests {
                 root_radius: 5.0,
                 tip_radius: 2.0,
                 load: 0.0,
+                unloaded: false,
+                stated: Stated::default(),
                 material: "bark".into(),
                 wood: tube(axis, 2.0),
             };

@@ -8,33 +8,17 @@ use mesophyll_manifest::{BranchOverride, Manifest};
 use mesophyll_record::FitRecord;
 use std::path::Path;
 
-/// What a scene states about one branch.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Stated {
-    /// F/(E′r₁⁴) (mm) under its weight if the branch were horizontal. The plant's file then has the branch without this
-    /// load. With 0 it has the branch as its weight has bent it.
-    pub load: f64,
-    /// The tip's deflection over the length for each m/s of a steady wind across the branch.
-    pub lean_per_m_s: Option<f64>,
-    /// Resonance frequency (Hz).
-    pub resonance_hz: Option<f64>,
-    /// Damping relative to critical damping.
-    pub damping: Option<f64>,
-}
-
 /// The largest number of names that an error lists.
 const LISTED: usize = 8;
 
-/// What plant `index` of the manifest states about each branch of `plant`. A stated taper changes the plant. What is
-/// stated for a branch goes before what is stated for its level.
+/// Changes a plant by what plant `index` of the manifest states about its branches. What is stated for a branch goes
+/// before what is stated for its level.
 ///
 /// # Errors
 /// [`Error::Input`] for a branch or level that the plant lacks, and for a fit that cannot be read or that did not
 /// determine a needed quantity.
-pub fn stated(manifest: &Manifest, index: usize, plant: &mut Plant, ledger: &Ledger) -> Result<Vec<Stated>> {
-    let mut out = vec![Stated::default(); plant.branches.len()];
-    let all = &manifest.plants[index].branches;
-    let (levels, names): (Vec<_>, Vec<_>) = all.iter().partition(|o| o.level.is_some());
+pub fn apply(manifest: &Manifest, index: usize, plant: &mut Plant, ledger: &Ledger) -> Result<()> {
+    let (levels, names): (Vec<_>, Vec<_>) = manifest.plants[index].branches.iter().partition(|o| o.level.is_some());
     for own in levels.into_iter().chain(names) {
         let mine = |b: &mesophyll_flora::form::Branch| match (&own.name, own.level) {
             (Some(name), _) => b.name == *name,
@@ -52,17 +36,20 @@ pub fn stated(manifest: &Manifest, index: usize, plant: &mut Plant, ledger: &Led
             }
         };
         for k in found {
+            let branch = &mut plant.branches[k];
             if let Some(taper) = taper {
-                plant.branches[k].set_taper(taper);
+                branch.set_taper(taper);
             }
-            let to = &mut out[k];
-            to.load = load.unwrap_or(to.load);
+            if let Some(load) = load {
+                (branch.load, branch.unloaded) = (load, true);
+            }
+            let to = &mut branch.stated;
             to.lean_per_m_s = own.lean_per_m_s.or(to.lean_per_m_s);
             to.resonance_hz = own.resonance_hz.or(to.resonance_hz);
             to.damping = own.damping.or(to.damping);
         }
     }
-    Ok(out)
+    Ok(())
 }
 
 /// The error for a branch or level that the plant lacks.

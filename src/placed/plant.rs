@@ -5,7 +5,7 @@
 //! gives the reflectance of the bark. A leaf is drawn in its own size times the plant's scale and the size that the
 //! plant gives the blade.
 
-use super::overrides::{Stated, stated};
+use super::overrides;
 use super::placement::{Placement, rotation};
 use super::sections::Bark;
 use crate::ledger::Ledger;
@@ -45,10 +45,8 @@ pub struct Planted {
     pub name: String,
     /// Number of plants of the same name before it, and whether there are other plants of this name at all.
     same: (usize, bool),
-    /// The plant from its file.
+    /// The plant from its file, with what the scene states about its branches.
     pub plant: Plant,
-    /// What the scene states about each branch.
-    pub stated: Vec<Stated>,
     /// The transform from plant to world, for every place where it stands.
     pub places: Vec<DMat4>,
     /// The scene's leaf for every blade of the plant.
@@ -80,8 +78,8 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
             (None, None) => continue,
         };
         let stem = source.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let stated = stated(manifest, index, &mut plant, ledger)?;
-        let one = Planted { stated, ..one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)? };
+        overrides::apply(manifest, index, &mut plant, ledger)?;
+        let one = one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)?;
         total += one.plant.leaves.len() * one.places.len();
         if total > MOST_LEAVES {
             let what = format!("{total} leaves up to here");
@@ -144,7 +142,7 @@ fn one(
         let known: Vec<&str> = used.iter().map(String::as_str).collect();
         return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
     }
-    Ok(Planted { name, same: (0, false), plant, stated: Vec::new(), places: places(said), leaves, barks })
+    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks })
 }
 
 /// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random

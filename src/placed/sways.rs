@@ -2,10 +2,9 @@
 //! equation of motion) with its own resonance (Eq. 4.20), and with the mass of everything that it carries (Eq. 4.17,
 //! and the leaves). Also, which branches are alike enough to share a motion texture.
 
-use super::plant::Planted;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::carried::{carried, own_mass};
-use mesophyll_flora::form::{Branch, Leaf};
+use mesophyll_flora::form::{Branch, Leaf, Plant};
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 use std::f64::consts::TAU;
 
@@ -18,8 +17,7 @@ pub const MOTION_SIDE: usize = 1024;
 
 /// The sway of every branch of a plant, and the mass that it carries (kg). What the scene states about a branch goes
 /// before what follows from its size, its mass and the plant's drag.
-pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, planted: &Planted) -> Vec<Option<(Sway, f64)>> {
-    let plant = &planted.plant;
+pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
     let metres = said.scale / 1e3;
     let blades: Vec<f64> = plant.blades.iter().map(|b| area(&b.mesh)).collect();
     // Area of one side of a blade (m²).
@@ -31,7 +29,7 @@ pub fn sways(said: &mesophyll_manifest::Plant, wind: Wind, planted: &Planted) ->
     let areas = carried(plant, across, |leaf| 0.5 * of_leaf(leaf));
     let leafless = plant.leaves.is_empty();
     let one = |(k, branch): (usize, &Branch)| {
-        let (length, stated) = (branch.length() * metres, &planted.stated[k]);
+        let (length, stated) = (branch.length() * metres, &branch.stated);
         if !(length > 1e-9) {
             return None;
         }
@@ -98,18 +96,19 @@ pub fn leads(mut sways: Vec<Sway>) -> Vec<Sway> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::overrides::Stated;
     use super::super::winds::Winds;
     use super::super::winds::tests::scene;
     use super::*;
     use crate::ledger::Ledger;
+    use mesophyll_flora::form::Stated;
 
     #[test]
     fn what_a_branch_carries_decides_how_far_it_goes() {
         let (manifest, planted) = scene(4.0);
         let said = &manifest.plants[0];
-        let answers =
-            |speed: f64, said: &mesophyll_manifest::Plant| sways(said, Wind { speed, turbulence: 0.3 }, &planted[0]);
+        let answers = |speed: f64, said: &mesophyll_manifest::Plant| {
+            sways(said, Wind { speed, turbulence: 0.3 }, &planted[0].plant)
+        };
         let (a, b) = (answers(4.0, said), answers(8.0, said));
         for ((slow, mass), (fast, same)) in a.iter().flatten().zip(b.iter().flatten()) {
             // The force is proportional to the speed, and the mass stays the same.
@@ -143,11 +142,10 @@ mod tests {
         let mut free = manifest.clone();
         free.plants[0].drag_n_s_m3 = 0.0;
         assert!(answers(4.0, &free.plants[0]).iter().all(Option::is_none));
-        // What the scene states about a branch goes before its mass, its length and the plant's drag.
-        let stated =
-            Stated { lean_per_m_s: Some(0.02), resonance_hz: Some(3.0), damping: Some(0.5), ..Stated::default() };
-        let mut told = planted[0].clone();
-        told.stated[1] = stated;
+        // What is stated about a branch goes before its mass, its length and the plant's drag.
+        let stated = Stated { lean_per_m_s: Some(0.02), resonance_hz: Some(3.0), damping: Some(0.5) };
+        let mut told = planted[0].plant.clone();
+        told.branches[1].stated = stated;
         let told = sways(&free.plants[0], Wind { speed: 4.0, turbulence: 0.3 }, &told);
         let (sway, _) = told[1].unwrap();
         assert!((sway.lean - 0.08).abs() < 1e-15 && sway.oscillator.resonance == 3.0);

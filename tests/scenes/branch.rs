@@ -273,7 +273,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     let fitted =
         SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
     let planted = mesophyll::placed::plant::planted(&scene(dir.path(), &fitted), &Ledger::new()).unwrap();
-    let (taper, load) = (planted[0].plant.branches[0].taper(), planted[0].stated[0].load);
+    let (taper, load) = (planted[0].plant.branches[0].taper(), planted[0].plant.branches[0].bending_load());
     for (name, found) in [("alpha", taper), ("load_over_stiffness", load)] {
         let (a, b) = (&fresh.params[name], &committed.params[name]);
         assert!((a.value[0] - b.value[0]).abs() < 0.02 * b.stderr[0], "{name}: {a:?}, committed {b:?}");

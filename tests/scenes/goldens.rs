@@ -153,7 +153,9 @@ fn a_consistent_but_wrong_fit_misses_its_golden() {
         }
     };
     std::fs::create_dir_all(data.join("scenes")).unwrap();
-    copy(&root().join("data/leaves"), &data.join("leaves"));
+    for name in ["leaves", "plants"] {
+        copy(&root().join("data").join(name), &data.join(name));
+    }
     let mut drawn = BTreeSet::new();
     for Tampering { what, scene, act } in TAMPERINGS {
         let path = data.join(format!("scenes/{scene}.toml"));
@@ -193,7 +195,9 @@ fn a_number_changed_by_hand_is_named() {
     for name in ["elm", "elm-twig"] {
         copy(&root().join("fits").join(name), &fits.join(name));
     }
-    copy(&root().join("data/leaves"), &dir.path().join("data/leaves"));
+    for name in ["data/leaves", "data/plants"] {
+        copy(&root().join(name), &dir.path().join(name));
+    }
     std::fs::create_dir_all(dir.path().join("data/scenes")).unwrap();
     let path = dir.path().join("data/scenes/twig.toml");
     std::fs::copy(root().join("data/scenes/twig.toml"), &path).unwrap();

@@ -53,9 +53,25 @@ pub struct Said {
     /// F/(E′r₁⁴) under the load that it carries.
     #[serde(default)]
     pub load_over_stiffness_mm: f64,
+    /// Whether the shape is the one without this load, under which a scene then bends the branch.
+    #[serde(skip_serializing_if = "is_false", default)]
+    pub unloaded: bool,
+    /// Deflection of the tip over the length for each m/s of a steady wind across the branch; 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub lean_per_m_s: Option<f64>,
+    /// Resonance frequency.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub resonance_hz: Option<f64>,
+    /// Damping relative to critical damping.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub damping: Option<f64>,
     /// Points of the axis in the node's frame. Where they are missing, the axis is a straight line along x.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub axis_mm: Vec<[f64; 3]>,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Name, in the `extras` of a meadow's node, of the rectangle that repeats. It is in the node's own units.

@@ -179,6 +179,8 @@ mod tests {
                 root_radius: 2.0,
                 tip_radius: 1.0,
                 load: 0.0,
+                unloaded: false,
+                stated: Default::default(),
                 material: "bark".into(),
                 wood: LeafMesh::default(),
             });

@@ -1,7 +1,7 @@
 //! Reads a plant from glTF.
 
 use super::{Extras, INSTANCING, MOST_TRIANGLES, PERIOD, Said};
-use crate::form::{Blade, Branch, Joint, Leaf, Plant};
+use crate::form::{Blade, Branch, DAMPINGS, Joint, LEANS, Leaf, Plant, RESONANCES, Stated};
 use crate::{Error, Result};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use gltf::accessor::{DataType, Dimensions, Iter};
@@ -132,6 +132,17 @@ impl Reader<'_> {
                 return Err(self.wrong(node, &format!("extras.branch.{field}"), what));
             }
         }
+        let stated = [
+            ("lean_per_m_s", said.lean_per_m_s, LEANS),
+            ("resonance_hz", said.resonance_hz, RESONANCES),
+            ("damping", said.damping, DAMPINGS),
+        ];
+        for (field, value, [least, most]) in stated {
+            if let Some(value) = value.filter(|v| !(least..=most).contains(v)) {
+                let what = format!("found {value}, expected {least} to {most}");
+                return Err(self.wrong(node, &format!("extras.branch.{field}"), what));
+            }
+        }
         let axis: Vec<DVec3> = match said.axis_mm.as_slice() {
             [] => vec![DVec3::ZERO, DVec3::X * said.length_mm * scale],
             [_] => return Err(self.wrong(node, "extras.branch.axis_mm", "found one point, expected two or more")),
@@ -167,6 +178,8 @@ impl Reader<'_> {
             root_radius: said.root_radius_mm * scale,
             tip_radius: said.tip_radius_mm * scale,
             load: said.load_over_stiffness_mm * scale,
+            unloaded: said.unloaded,
+            stated: Stated { lean_per_m_s: said.lean_per_m_s, resonance_hz: said.resonance_hz, damping: said.damping },
             material,
             wood,
         });

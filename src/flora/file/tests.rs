@@ -1,5 +1,5 @@
 use super::*;
-use crate::form::{Blade, Branch, Joint, Leaf, Plant, tube};
+use crate::form::{Blade, Branch, Joint, Leaf, Plant, Stated, tube};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use serde_json::json;
@@ -18,6 +18,8 @@ fn plant() -> Plant {
         root_radius: 4.0,
         tip_radius: 1.0,
         load: 0.25,
+        unloaded: level == 1,
+        stated: Stated { lean_per_m_s: Some(0.02), resonance_hz: None, damping: Some(0.3) },
         material: "bark".into(),
     };
     let up = DQuat::from_rotation_y(-1.5);
@@ -62,6 +64,7 @@ fn what_is_written_is_read_back_to_single_precision() {
     for (a, b) in plant.branches.iter().zip(&back.branches) {
         assert_eq!((&a.name, a.level, &a.material), (&b.name, b.level, &b.material));
         assert_eq!(a.parent, b.parent);
+        assert_eq!((a.unloaded, a.stated), (b.unloaded, b.stated));
         // The node that turns mm to metres has a scale in single precision.
         let same = |p: f64, q: f64| (p / q - 1.0).abs() < 1e-6;
         assert!(same(a.root_radius, b.root_radius) && same(a.tip_radius, b.tip_radius) && same(a.load, b.load));
@@ -147,7 +150,7 @@ fn bad_files_end_in_a_sentence() {
     let said = |change: &dyn Fn(&mut serde_json::Value)| {
         read(&changed(folder.path(), change)).map(|_| ()).unwrap_err().to_string()
     };
-    let cases: [(&dyn Fn(&mut serde_json::Value), &str); 12] = [
+    let cases: [(&dyn Fn(&mut serde_json::Value), &str); 14] = [
         (&|j| j["buffers"][0]["uri"] = json!("../twig.bin"), "leads outside the file's folder"),
         (&|j| j["buffers"][0]["uri"] = json!("gone.bin"), "no such file"),
         (&|j| j["nodes"][2]["name"] = json!("trunk"), "another branch has the same name"),
@@ -155,6 +158,8 @@ fn bad_files_end_in_a_sentence() {
         (&|j| j["nodes"][1]["rotation"] = json!([0.0, 0.0, 0.0, 0.0]), "not finite"),
         (&|j| j["nodes"][2]["extras"]["branch"]["at"] = json!(1.5), "found 1.5, expected 0"),
         (&|j| j["nodes"][2]["extras"]["branch"]["root_radius_mm"] = json!(-1.0), "found -1, expected a finite"),
+        (&|j| j["nodes"][2]["extras"]["branch"]["damping"] = json!(0.0), "found 0, expected 0.01 to 10"),
+        (&|j| j["nodes"][2]["extras"]["branch"]["resonance_hz"] = json!(-2.0), "found -2, expected 0.001 to 1000"),
         (&|j| j["nodes"][2]["extras"]["branch"] = json!({"level": 1}), "missing field"),
         (&|j| j["nodes"][3]["extensions"][INSTANCING]["attributes"]["SCALE"] = json!(999), "accessor 999"),
         (&|j| j["nodes"][3]["extensions"][INSTANCING]["attributes"]["SCALE"] = json!(3), "floats, 3 an instance"),

@@ -166,6 +166,10 @@ fn said(b: &Branch) -> Said {
         tip_radius_mm: b.tip_radius,
         taper: b.taper(),
         load_over_stiffness_mm: b.load,
+        unloaded: b.unloaded,
+        lean_per_m_s: b.stated.lean_per_m_s,
+        resonance_hz: b.stated.resonance_hz,
+        damping: b.stated.damping,
         axis_mm: if straight { Vec::new() } else { b.axis.iter().map(|p| p.to_array()).collect() },
     }
 }

@@ -12,7 +12,7 @@ mod tests;
 mod wood;
 
 use crate::Result;
-use crate::form::{Branch, Joint, Plant};
+use crate::form::{Branch, Joint, Plant, Stated};
 use glam::{DQuat, DVec3};
 use light::Shade;
 use meadow::Meadow;
@@ -243,6 +243,8 @@ impl Sprout {
             root_radius: 0.0,
             tip_radius: 0.0,
             load: 0.0,
+            unloaded: false,
+            stated: Stated::default(),
             material: spec.wood.material.clone(),
             wood: LeafMesh::default(),
         }

@@ -323,6 +323,8 @@ impl Pose<'_> {
                     wood.tangents[v].0 = turned(here.turn, wood.tangents[v].0);
                 }
             }
+            // The bend is in the shape now.
+            branch.unloaded = false;
             if base != Rigid::STILL {
                 branch.root = base.place(branch.root);
                 branch.axes = branch.axes.map(|a| base.turn * a);

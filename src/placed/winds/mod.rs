@@ -8,13 +8,13 @@
 
 use crate::flutter::{Fluttering, Gusts, TEXTURES};
 use crate::ledger::Ledger;
-use crate::overrides::Stated;
 use crate::plant::Planted;
 use crate::sections::Sections;
 use crate::sways::{MOTION_SIDE, alike, leads, sways, variance};
 use crate::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_fit_branch::beam::basis;
+use mesophyll_flora::form::Branch;
 use mesophyll_flora::pose::{FREELY, Limb, Limbs, Pose, Rigid};
 use mesophyll_manifest::{Flutter, Manifest};
 use mesophyll_plant::motion::Motion;
@@ -89,9 +89,9 @@ impl Winds {
         let mean = wind
             .map_or(Wind { speed: 0.0, turbulence: 0.0 }, |w| Wind { speed: w.speed_m_s, turbulence: w.turbulence });
         let sways: Vec<Vec<Option<(Sway, f64)>>> =
-            manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, p)).collect();
+            manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
         let flutters = if wind.is_some() { flutters(manifest, planted, &sways)? } else { Vec::new() };
-        let loaded = |p: &Planted| p.stated.iter().any(|s| s.load != 0.0);
+        let loaded = |p: &Planted| p.plant.branches.iter().any(|b| b.bending_load() != 0.0);
         let moves: Vec<bool> =
             planted.iter().zip(&sways).map(|(p, of)| loaded(p) || of.iter().any(Option::is_some)).collect();
         if !moves.contains(&true) {
@@ -151,8 +151,9 @@ impl Winds {
             let world = wind.map_or(DVec3::X, mesophyll_manifest::Wind::direction);
             let own = |m: &DMat4, v: DVec3| (DMat3::from_mat4(*m).transpose() * v).normalize_or_zero();
             let towards = p.places.iter().map(|m| [own(m, world), own(m, DVec3::Z)]).collect();
-            let load = |(s, limb): (&Stated, &Limb)| if limb.length > 0.0 { s.load / limb.length } else { 0.0 };
-            let loads = p.stated.iter().zip(&limbs.0).map(load).collect();
+            let load =
+                |(b, limb): (&Branch, &Limb)| if limb.length > 0.0 { b.bending_load() / limb.length } else { 0.0 };
+            let loads = p.plant.branches.iter().zip(&limbs.0).map(load).collect();
             let seed = seed.wrapping_add((1 + index as u64) << 40);
             moves[index].then(|| {
                 let sections = Sections::new(p, first);

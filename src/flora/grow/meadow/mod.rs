@@ -11,7 +11,7 @@ mod tests;
 use super::Chance;
 use super::spec::{self, profile, range};
 use crate::file::MOST_TRIANGLES;
-use crate::form::{Blade, Branch, Joint, Leaf, Plant};
+use crate::form::{Blade, Branch, Joint, Leaf, Plant, Stated};
 use crate::{Error, Result};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
@@ -236,6 +236,8 @@ fn ground() -> Branch {
         root_radius: 0.0,
         tip_radius: 0.0,
         load: 0.0,
+        unloaded: false,
+        stated: Stated::default(),
         material: String::new(),
         wood: LeafMesh::default(),
     }
