@@ -4,8 +4,8 @@ use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use std::f64::consts::TAU;
 
-/// A plant at rest: its branches have the shape that their own weight has given them, except those that are
-/// [`Branch::unloaded`].
+/// A plant at rest: its branches have the shape that their own weight has given them, except those that have a
+/// [`Branch::bending_load`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plant {
     /// Name of the plant.
@@ -51,8 +51,9 @@ pub struct Branch {
     pub tip_radius: f64,
     /// F/(E′r₁⁴) (mm) under its load if the branch were horizontal, as `fit beam --deflections` defines it.
     pub load: f64,
-    /// Whether the shape is the one without this load. A scene then bends the branch under it.
-    pub unloaded: bool,
+    /// The part of this load (mm) that the shape does not show yet. A scene bends the branch under it. It is 0 for a
+    /// branch that has the shape that its weight has given it, and the whole load for a straight branch.
+    pub bending_load: f64,
     /// What is stated about its motion.
     pub stated: Stated,
     /// Name of the bark's material.
@@ -139,11 +140,6 @@ impl Branch {
         DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), self.root.extend(1.0))
     }
 
-    /// The load (mm, as [`Branch::load`]) under which a scene bends the branch.
-    pub fn bending_load(&self) -> f64 {
-        if self.unloaded { self.load } else { 0.0 }
-    }
-
     /// Length along the axis (mm).
     pub fn length(&self) -> f64 {
         self.axis.windows(2).map(|w| w[0].distance(w[1])).sum()
@@ -207,7 +203,7 @@ impl Plant {
         for branch in &mut out.branches {
             branch.root = place.transform_point3(branch.root);
             branch.axes = branch.axes.map(|a| place.transform_vector3(a) / scale);
-            let lengths = [&mut branch.root_radius, &mut branch.tip_radius, &mut branch.load];
+            let lengths = [&mut branch.root_radius, &mut branch.tip_radius, &mut branch.load, &mut branch.bending_load];
             lengths.into_iter().for_each(|l| *l *= scale);
             branch.axis.iter_mut().chain(&mut branch.wood.positions).for_each(|p| *p *= scale);
         }
@@ -353,7 +349,7 @@ mod tests {
                 root_radius: 5.0,
                 tip_radius: 2.0,
                 load: 0.0,
-                unloaded: false,
+                bending_load: 0.0,
                 stated: Stated::default(),
                 material: "bark".into(),
                 wood: tube(axis, 2.0),

@@ -34,7 +34,7 @@ use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::{Ground, Manifest, ViewKind};
 use moves::Moves;
 use placement::Placement;
-use plant::Wood;
+use plant::{Planted, Wood};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winds::Winds;
@@ -69,19 +69,7 @@ impl Placed {
     /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch whose load
     /// bends it too far.
     pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
-        let plants = plant::planted(manifest, ledger)?;
-        let mut placements = placement::placements(manifest);
-        let winds = Winds::new(manifest, &plants, ledger)?.map(Arc::new);
-        let swaying = |k: usize| winds.as_ref().and_then(|w| w.plants[k].as_ref());
-        let mut wood = Vec::new();
-        for (k, plant) in plants.iter().enumerate() {
-            let leaves = plant.plant.leaves.len();
-            placements.extend(plant.placements().enumerate().map(|(i, rest)| {
-                let section = swaying(k).map(|s| s.sections.of_leaf(i / leaves, i % leaves));
-                Placement { section, ..rest }
-            }));
-            wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
-        }
+        let Standing { placements, wood, winds } = stand(manifest, &plant::planted(manifest, ledger)?, ledger)?;
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
         let moves = Moves { winds: winds.as_deref(), grass: false };
@@ -99,6 +87,16 @@ impl Placed {
             free: search.free,
             out: search.out.map(Path::to_path_buf),
         })
+    }
+
+    /// Takes over plants that were changed. They must be as many as the manifest's, with as many leaves.
+    ///
+    /// # Errors
+    /// As [`Winds::new`].
+    pub fn replant(&mut self, manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<()> {
+        let Standing { placements, wood, winds } = stand(manifest, plants, ledger)?;
+        (self.placements, self.wood, self.winds) = (placements, wood, winds);
+        Ok(())
     }
 
     /// Everything that moves.
@@ -157,6 +155,30 @@ impl Placed {
         }
         Ok(())
     }
+}
+
+/// Plants and single leaves at their places.
+struct Standing {
+    placements: Vec<Placement>,
+    wood: Vec<Wood>,
+    winds: Option<Arc<Winds>>,
+}
+
+/// Places the scene's single leaves and its plants.
+fn stand(manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<Standing> {
+    let mut placements = placement::placements(manifest);
+    let winds = Winds::new(manifest, plants, ledger)?.map(Arc::new);
+    let swaying = |k: usize| winds.as_ref().and_then(|w| w.plants[k].as_ref());
+    let mut wood = Vec::new();
+    for (k, plant) in plants.iter().enumerate() {
+        let leaves = plant.plant.leaves.len();
+        placements.extend(plant.placements().enumerate().map(|(i, rest)| {
+            let section = swaying(k).map(|s| s.sections.of_leaf(i / leaves, i % leaves));
+            Placement { section, ..rest }
+        }));
+        wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
+    }
+    Ok(Standing { placements, wood, winds })
 }
 
 /// Number of cells along a side of the ground in a scene with light between leaves, which is computed at the cells'

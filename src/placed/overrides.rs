@@ -41,7 +41,7 @@ pub fn apply(manifest: &Manifest, index: usize, plant: &mut Plant, ledger: &Ledg
                 branch.set_taper(taper);
             }
             if let Some(load) = load {
-                (branch.load, branch.unloaded) = (load, true);
+                (branch.load, branch.bending_load) = (load, load);
             }
             let to = &mut branch.stated;
             to.lean_per_m_s = own.lean_per_m_s.or(to.lean_per_m_s);

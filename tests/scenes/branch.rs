@@ -273,7 +273,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     let fitted =
         SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
     let planted = mesophyll::placed::plant::planted(&scene(dir.path(), &fitted), &Ledger::new()).unwrap();
-    let (taper, load) = (planted[0].plant.branches[0].taper(), planted[0].plant.branches[0].bending_load());
+    let (taper, load) = (planted[0].plant.branches[0].taper(), planted[0].plant.branches[0].bending_load);
     for (name, found) in [("alpha", taper), ("load_over_stiffness", load)] {
         let (a, b) = (&fresh.params[name], &committed.params[name]);
         assert!((a.value[0] - b.value[0]).abs() < 0.02 * b.stderr[0], "{name}: {a:?}, committed {b:?}");
@@ -299,4 +299,54 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     // This tip would move further than the branch is long.
     let said = fails(&SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 900"));
     assert!(said.contains("branch \"trunk\"") && said.contains("of its length"), "{said}");
+}
+
+/// Branches that are edited in the window bend in both renderers, and the plant that is saved moves in a scene as the
+/// edited one does.
+#[test]
+fn an_edited_plant_is_saved_and_moves_as_it_was_edited() {
+    use mesophyll::scene::window::edit::SceneEditor;
+    use mesophyll_window::editor::{BranchEdit, Editor, Part, PlantEdits};
+    let dir = tempfile::tempdir().unwrap();
+    let text = format!("{SAGGING}{WIND}");
+    let open = |extra: &str| {
+        let search = Search { free: true, ..Search::default() };
+        Scene::open(scene(dir.path(), extra), search, &Ledger::new()).unwrap()
+    };
+    let mut editor = SceneEditor::new(open(&text), dir.path().join("out")).unwrap();
+    let listed = editor.plants();
+    assert_eq!((listed.len(), listed[0].branches.clone()), (1, vec![("trunk".to_string(), 0)]));
+    let edit = BranchEdit { taper: 1.5, load: 1.4, lean: 2.0, resonance: 0.5, damping: 2.0 };
+    let bend = |editor: &mut SceneEditor, edit| editor.bend(&PlantEdits::from([((0, Part::Level(0)), edit)]));
+    let before = editor.bend(&PlantEdits::new()).unwrap();
+    let after = bend(&mut editor, edit).unwrap();
+    // The tip goes further, and the wood is thicker there.
+    let tip = |s: &mesophyll_viewer::scene::Scene, time: f64| {
+        let sections = s.sections.as_ref().unwrap();
+        (sections.at)(time).last().unwrap().to
+    };
+    assert!(tip(&before, 3.0).distance(tip(&after, 3.0)) > 2.0);
+    assert_eq!(before.instances.len(), after.instances.len());
+    // A load that no beam carries is refused, and the plant stays as it was.
+    let said = bend(&mut editor, BranchEdit { load: 10.0, ..BranchEdit::NONE }).unwrap_err();
+    assert!(said.contains("at most 0.75"), "{said}");
+    let saved = editor.save_plant(0).unwrap();
+    assert!(saved.ends_with("out/plants/twig-spec-edit-1.glb"), "{saved}");
+    assert!(editor.save_plant(0).unwrap().ends_with("edit-2.glb"));
+    assert!(editor.save_plant(1).is_err());
+    // The saved plant needs nothing that the scene stated. Its file has single precision.
+    let head = SAGGING.split("[[plant.branch]]").next().unwrap();
+    let again = head.replace("grow = \"twig-spec.toml\"", "file = \"out/plants/twig-spec-edit-1.glb\"");
+    let whole = open(&format!("{again}{WIND}"));
+    let read = handover::scene(&whole, &Ledger::new()).unwrap();
+    for time in [0.0, 1.7, 40.0] {
+        let (a, b) = (tip(&after, time), tip(&read, time));
+        assert!(a.distance(b) < 0.02, "{time}: {a}, read back {b}");
+    }
+    let branch = &mesophyll::placed::plant::planted(&whole.manifest, &Ledger::new()).unwrap()[0].plant.branches[0];
+    assert!((branch.taper() - 0.45).abs() < 1e-6 && (branch.bending_load - 56.0).abs() < 1e-3);
+    let stated = branch.stated;
+    assert!((stated.lean_per_m_s.unwrap() - 0.06).abs() < 1e-6 && (stated.damping.unwrap() - 0.3).abs() < 1e-6);
+    let resonance = 2.55 * 0.09f64.powf(-0.59);
+    assert!((stated.resonance_hz.unwrap() / resonance - 0.5).abs() < 1e-6, "{stated:?}");
 }

@@ -4,6 +4,7 @@
 use glam::Vec3;
 use mesophyll_viewer::Picture;
 use mesophyll_viewer::scene::{Camera, Dome, Interior, Scene, Side, Sides};
+use std::collections::BTreeMap;
 
 /// One side's editable parameters (Wang et al. 2005, Fig. 6).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,6 +79,47 @@ pub struct Verdict {
     pub note: String,
 }
 
+/// A plant of the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlantInfo {
+    /// Name of the plant.
+    pub name: String,
+    /// Name and level of each of its branches.
+    pub branches: Vec<(String, usize)>,
+}
+
+/// The branches of a plant that an edit is for (Habel 2009, Fig. 4.17).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// All branches of a level; 0 is a trunk.
+    Level(usize),
+    /// One branch, by its index.
+    Branch(usize),
+}
+
+/// Factors on what a branch has in the scene. 1 leaves it as it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BranchEdit {
+    /// On tip radius over root radius.
+    pub taper: f32,
+    /// On the load that it carries. A branch bends by the load that is added.
+    pub load: f32,
+    /// On the deflection in a steady wind.
+    pub lean: f32,
+    /// On the resonance frequency.
+    pub resonance: f32,
+    /// On the damping.
+    pub damping: f32,
+}
+
+impl BranchEdit {
+    /// The edit that changes nothing.
+    pub const NONE: BranchEdit = BranchEdit { taper: 1.0, load: 1.0, lean: 1.0, resonance: 1.0, damping: 1.0 };
+}
+
+/// Edits of a plant, by its index and the edited part. Those of a level and of a branch of this level are both applied.
+pub type PlantEdits = BTreeMap<(usize, Part), BranchEdit>;
+
 /// The program around the window. Errors are sentences that the window shows. A leaf is given by the index of its
 /// material.
 pub trait Editor {
@@ -100,6 +142,23 @@ pub trait Editor {
     fn shares(&mut self, sun: Vec3) -> Result<(Option<Vec<u8>>, bool), String> {
         let _ = sun;
         Ok((None, false))
+    }
+
+    /// The plants whose branches can be edited.
+    fn plants(&self) -> Vec<PlantInfo> {
+        Vec::new()
+    }
+
+    /// The scene with edited branches. Its leaves' materials and its lights are as the window opened.
+    fn bend(&mut self, edits: &PlantEdits) -> Result<Scene, String> {
+        let _ = edits;
+        Err("this scene has no plants".into())
+    }
+
+    /// Saves plant `plant` with the edits that were applied last, and returns a sentence that says where.
+    fn save_plant(&mut self, plant: usize) -> Result<String, String> {
+        let _ = plant;
+        Err("this scene has no plants".into())
     }
 
     /// Saves an edit as a new fit, and returns a sentence that says where.

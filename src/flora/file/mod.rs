@@ -53,9 +53,9 @@ pub struct Said {
     /// F/(E′r₁⁴) under the load that it carries.
     #[serde(default)]
     pub load_over_stiffness_mm: f64,
-    /// Whether the shape is the one without this load, under which a scene then bends the branch.
-    #[serde(skip_serializing_if = "is_false", default)]
-    pub unloaded: bool,
+    /// The part of this load that the shape does not show yet. A scene bends the branch under it.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub bending_load_mm: f64,
     /// Deflection of the tip over the length for each m/s of a steady wind across the branch; 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub lean_per_m_s: Option<f64>,
@@ -70,8 +70,8 @@ pub struct Said {
     pub axis_mm: Vec<[f64; 3]>,
 }
 
-fn is_false(value: &bool) -> bool {
-    !value
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Name, in the `extras` of a meadow's node, of the rectangle that repeats. It is in the node's own units.

@@ -179,7 +179,7 @@ mod tests {
                 root_radius: 2.0,
                 tip_radius: 1.0,
                 load: 0.0,
-                unloaded: false,
+                bending_load: 0.0,
                 stated: Default::default(),
                 material: "bark".into(),
                 wood: LeafMesh::default(),

@@ -125,6 +125,7 @@ impl Reader<'_> {
             ("root_radius_mm", said.root_radius_mm, 0.0),
             ("tip_radius_mm", said.tip_radius_mm, 0.0),
             ("load_over_stiffness_mm", said.load_over_stiffness_mm, f64::NEG_INFINITY),
+            ("bending_load_mm", said.bending_load_mm, f64::NEG_INFINITY),
         ];
         for (field, value, least) in numbers {
             if !(value.is_finite() && value >= least) {
@@ -178,7 +179,7 @@ impl Reader<'_> {
             root_radius: said.root_radius_mm * scale,
             tip_radius: said.tip_radius_mm * scale,
             load: said.load_over_stiffness_mm * scale,
-            unloaded: said.unloaded,
+            bending_load: said.bending_load_mm * scale,
             stated: Stated { lean_per_m_s: said.lean_per_m_s, resonance_hz: said.resonance_hz, damping: said.damping },
             material,
             wood,

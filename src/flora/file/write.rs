@@ -166,7 +166,7 @@ fn said(b: &Branch) -> Said {
         tip_radius_mm: b.tip_radius,
         taper: b.taper(),
         load_over_stiffness_mm: b.load,
-        unloaded: b.unloaded,
+        bending_load_mm: b.bending_load,
         lean_per_m_s: b.stated.lean_per_m_s,
         resonance_hz: b.stated.resonance_hz,
         damping: b.stated.damping,

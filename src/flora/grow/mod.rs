@@ -243,7 +243,7 @@ impl Sprout {
             root_radius: 0.0,
             tip_radius: 0.0,
             load: 0.0,
-            unloaded: false,
+            bending_load: 0.0,
             stated: Stated::default(),
             material: spec.wood.material.clone(),
             wood: LeafMesh::default(),

@@ -324,7 +324,7 @@ impl Pose<'_> {
                 }
             }
             // The bend is in the shape now.
-            branch.unloaded = false;
+            branch.bending_load = 0.0;
             if base != Rigid::STILL {
                 branch.root = base.place(branch.root);
                 branch.axes = branch.axes.map(|a| base.turn * a);

@@ -91,7 +91,7 @@ impl Winds {
         let sways: Vec<Vec<Option<(Sway, f64)>>> =
             manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
         let flutters = if wind.is_some() { flutters(manifest, planted, &sways)? } else { Vec::new() };
-        let loaded = |p: &Planted| p.plant.branches.iter().any(|b| b.bending_load() != 0.0);
+        let loaded = |p: &Planted| p.plant.branches.iter().any(|b| b.bending_load != 0.0);
         let moves: Vec<bool> =
             planted.iter().zip(&sways).map(|(p, of)| loaded(p) || of.iter().any(Option::is_some)).collect();
         if !moves.contains(&true) {
@@ -151,8 +151,7 @@ impl Winds {
             let world = wind.map_or(DVec3::X, mesophyll_manifest::Wind::direction);
             let own = |m: &DMat4, v: DVec3| (DMat3::from_mat4(*m).transpose() * v).normalize_or_zero();
             let towards = p.places.iter().map(|m| [own(m, world), own(m, DVec3::Z)]).collect();
-            let load =
-                |(b, limb): (&Branch, &Limb)| if limb.length > 0.0 { b.bending_load() / limb.length } else { 0.0 };
+            let load = |(b, limb): (&Branch, &Limb)| if limb.length > 0.0 { b.bending_load / limb.length } else { 0.0 };
             let loads = p.plant.branches.iter().zip(&limbs.0).map(load).collect();
             let seed = seed.wrapping_add((1 + index as u64) << 40);
             moves[index].then(|| {

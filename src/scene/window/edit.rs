@@ -1,6 +1,7 @@
 //! The library's part of the window: an edit of h, σa, σs or the gloss becomes a new slab, so that a thicker leaf
 //! really becomes darker. There are also a reference picture, a verdict, a saved fit, and the numbers of a texel.
 
+use super::plants::Plants;
 use crate::Result;
 use crate::draw::reference;
 use crate::draw::sunlit::relight_where;
@@ -23,7 +24,9 @@ use mesophyll_placed::placement::Placement;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
-use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
+use mesophyll_window::editor::{
+    Editor, LeafEdit, LeafUpdate, Measure, PlantEdits, PlantInfo, ReferencePicture, SideEdit, SkyUpdate, Verdict,
+};
 use std::path::PathBuf;
 
 /// The editor behind a window on one scene.
@@ -38,6 +41,7 @@ pub struct SceneEditor {
     /// Folder of edited fits.
     out: PathBuf,
     judged: Option<transport::ReferencePicture>,
+    plants: Plants,
     /// The shares of the sun that vertices see for a sun that is moved, where they are known.
     live: Option<LiveSun>,
 }
@@ -46,7 +50,7 @@ impl SceneEditor {
     /// `scene` must be one for a window ([`mesophyll_placed::leaf::Search::free`]), and every leaf must be fitted.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] for a map that cannot be read.
+    /// [`crate::Error::Input`] for a map or a plant that cannot be read.
     pub fn new(scene: Scene, out: PathBuf) -> Result<SceneEditor> {
         let ledger = Ledger::new();
         let shown: Vec<usize> = scene.drawn().map(|l| l.placed.index).collect();
@@ -73,7 +77,8 @@ impl SceneEditor {
         // The direction has the precision of later calls of `shares`: the renderer's suns have single precision.
         let at = daylight::sun_direction(&scene.manifest).map(|at| at.as_vec3().as_dvec3());
         let live = known.zip(at).map(|((sun, world), at)| sun.live(world, at));
-        Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None, live })
+        let plants = Plants::new(&scene.manifest, &scene.placed, &ledger)?;
+        Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None, plants, live })
     }
 
     fn leaf(&self, leaf: usize) -> Leaf<'_> {
@@ -223,6 +228,24 @@ impl Editor for SceneEditor {
         let Some(live) = &mut self.live else { return Ok((None, false)) };
         let found = live.follow(sun.as_dvec3()).map_err(|e| e.to_string())?;
         Ok((found, live.is_waiting()))
+    }
+
+    fn plants(&self) -> Vec<PlantInfo> {
+        self.plants.listed()
+    }
+
+    fn bend(&mut self, edits: &PlantEdits) -> std::result::Result<viewer::Scene, String> {
+        if self.scene.transfer.is_some() {
+            return Err("branches cannot be edited here: the light between leaves is that of the plants at rest".into());
+        }
+        let Scene { manifest, placed, .. } = &mut self.scene;
+        let applied = self.plants.apply(edits, manifest, placed, &self.ledger);
+        applied.and_then(|()| handover::scene(&self.scene, &self.ledger)).map_err(|e| e.to_string())
+    }
+
+    fn save_plant(&mut self, plant: usize) -> std::result::Result<String, String> {
+        let saved = self.plants.save(plant, &self.out.join("plants"));
+        saved.map(|path| path.display().to_string()).map_err(|e| e.to_string())
     }
 
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {

@@ -1,3 +1,4 @@
-//! The library's part of the window: edits of a leaf, and saving edited leaves as new fits.
+//! The library's part of the window: edits of leaves and of branches, and saving what was edited as new fits and plants.
 
 pub mod edit;
+mod plants;

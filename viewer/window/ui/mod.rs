@@ -10,6 +10,7 @@ mod check;
 mod light;
 mod live;
 mod orbit;
+mod plants;
 mod readout;
 mod thumbnails;
 mod wind;
@@ -106,6 +107,7 @@ pub struct ViewerUi {
     screenshots: PathBuf,
     times: VecDeque<f64>,
     continuous: bool,
+    plants: plants::Plants,
     /// Whether the wind's time runs.
     playing: bool,
     message: String,
@@ -138,6 +140,7 @@ impl ViewerUi {
         let starts: BTreeMap<usize, LeafEdit> = leaves().map(|(i, _)| (i, editor.start(i))).collect();
         let gloss = |(i, leaf): (usize, &Leaf)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));
         ViewerUi {
+            plants: plants::Plants::new(editor.plants()),
             editor,
             title,
             adapter: adapter.clone(),
@@ -407,6 +410,7 @@ impl ViewerUi {
                 self.lights(ui);
                 ui.separator();
                 self.wind(ui);
+                self.plants(ui);
                 self.check_panel(ui);
                 ui.separator();
                 self.readout(ui);

@@ -236,7 +236,7 @@ fn ground() -> Branch {
         root_radius: 0.0,
         tip_radius: 0.0,
         load: 0.0,
-        unloaded: false,
+        bending_load: 0.0,
         stated: Stated::default(),
         material: String::new(),
         wood: LeafMesh::default(),

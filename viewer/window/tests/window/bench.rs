@@ -4,7 +4,9 @@ use crate::common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::scene::{Camera, Dome, Instance, Interior, Material, Scene, Side, Sides};
 use mesophyll_viewer::{Error, Options, Picture};
-use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
+use mesophyll_window::editor::{
+    Editor, LeafEdit, LeafUpdate, Measure, PlantEdits, PlantInfo, ReferencePicture, SideEdit, SkyUpdate, Verdict,
+};
 use mesophyll_window::{Stage, ViewerUi, WindowScene, WindowView};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -18,6 +20,10 @@ pub struct Asked {
     pub saved: Vec<LeafEdit>,
     pub skies: Vec<(Vec3, f32)>,
     pub checked: usize,
+    /// The plants that the window lists, and the scene in which their branches are edited.
+    pub plants: Option<(Vec<PlantInfo>, Scene)>,
+    pub bent: Vec<PlantEdits>,
+    pub saved_plants: Vec<usize>,
     /// The sun's direction at each request for shares of it.
     pub suns: Vec<Vec3>,
     /// The shares of all vertices, which are ready when the window asks.
@@ -66,6 +72,28 @@ impl Editor for Toy {
         asked.suns.push(sun);
         asked.no_shares.take().map_or(Ok(()), Err)?;
         Ok((asked.ready.take(), false))
+    }
+
+    fn plants(&self) -> Vec<PlantInfo> {
+        self.asked.borrow().plants.as_ref().map_or_else(Vec::new, |p| p.0.clone())
+    }
+
+    /// A load moves the second leaf up. Any rule will do whose effect the test can see in the picture.
+    fn bend(&mut self, edits: &PlantEdits) -> Result<Scene, String> {
+        let mut asked = self.asked.borrow_mut();
+        asked.bent.push(edits.clone());
+        let load: f32 = edits.values().map(|e| e.load - 1.0).sum();
+        if load > 8.0 {
+            return Err("its tip goes too far".into());
+        }
+        let mut scene = asked.plants.as_ref().map(|p| p.1.clone()).ok_or("no plants")?;
+        scene.instances[1].transform = Mat4::from_translation(Vec3::Z * load) * scene.instances[1].transform;
+        Ok(scene)
+    }
+
+    fn save_plant(&mut self, plant: usize) -> Result<String, String> {
+        self.asked.borrow_mut().saved_plants.push(plant);
+        Ok("plants/twig-edit-1.glb".into())
     }
 
     fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {

@@ -4,6 +4,7 @@ use crate::bench::{bench, bench_on, two_leaves};
 use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::scene::{Basis, Coefficients, Interior, Translucency};
+use mesophyll_window::editor::{BranchEdit, Part, PlantInfo};
 
 #[test]
 fn a_thicker_leaf_goes_through_the_editor_and_dims() {
@@ -92,4 +93,59 @@ fn a_refused_edit_is_said_and_undone() {
     bench.ui.set_edit(0, edit);
     assert!(bench.ui.message().contains("refused here"));
     assert_eq!(bench.ui.edit(0).sides.front.sigma_s[0], 10.0);
+}
+
+#[test]
+fn branches_are_edited_by_level_and_by_name_and_saved() {
+    let (window, toy) = two_leaves();
+    let branches = vec![("trunk".into(), 0), ("1.0".into(), 1), ("1.1".into(), 1)];
+    toy.asked.borrow_mut().plants = Some((vec![PlantInfo { name: "twig".into(), branches }], window.scene.clone()));
+    let Some(mut bench) = bench_on((window, toy)) else { return };
+    let (before, fitted) = (bench.pixels(), bench.ui.edit(0));
+    // A leaf's own edit outlives an edit of branches.
+    bench.ui.set_edit(0, mesophyll_window::editor::LeafEdit { thickness_mm: 0.3, ..fitted });
+    let slider = bench.ui.landmark_rect("load ×").expect("slider");
+    let handle = egui::pos2(slider.left() + 16.0, slider.center().y);
+    bench.drag(handle, egui::vec2(30.0, 0.0));
+    let edits = bench.ui.branch_edits().clone();
+    let edit = edits[&(0, Part::Level(0))];
+    assert!(edit.load > 2.0 && BranchEdit { load: 1.0, ..edit } == BranchEdit::NONE, "{edit:?}");
+    // The plants are posed once, when the pointer lets go.
+    assert_eq!(bench.asked.borrow().bent, [edits]);
+    assert!(bench.ui.scene().instances[1].transform.w_axis.z > 1.0 && bench.pixels() != before);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, 0.3);
+    // One branch, by its name; a name that no branch has is told.
+    for (name, found) in [("oak", false), ("1.1", true)] {
+        let field = bench.place("branch name");
+        bench.click("branch name");
+        let select = egui::Event::Key {
+            key: egui::Key::A,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers: egui::Modifiers::COMMAND,
+        };
+        bench.frame(vec![select]);
+        bench.frame(vec![egui::Event::Text(name.into())]);
+        // A click beside the field ends the typing.
+        let aside = field + egui::vec2(0.0, 400.0);
+        bench.frame(vec![egui::Event::PointerMoved(aside)]);
+        bench.frame(vec![crate::bench::Bench::button(aside, true)]);
+        bench.frame(vec![crate::bench::Bench::button(aside, false)]);
+        assert_eq!(bench.ui.message().contains("no branch \"oak\""), !found, "{}", bench.ui.message());
+    }
+    bench.drag(handle, egui::vec2(30.0, 0.0));
+    assert!(bench.ui.branch_edits().contains_key(&(0, Part::Branch(2))), "{:?}", bench.ui.branch_edits());
+    // A refusal is told, and nothing changes.
+    let kept = bench.ui.branch_edits().clone();
+    bench.ui.set_branches(0, Part::Level(1), BranchEdit { load: 10.0, ..BranchEdit::NONE });
+    assert!(bench.ui.message() == "its tip goes too far" && *bench.ui.branch_edits() == kept);
+    bench.frame(vec![]);
+    bench.click("save plant");
+    assert_eq!(bench.asked.borrow().saved_plants, [0]);
+    assert!(bench.ui.message().contains("plants/twig-edit-1.glb"));
+    bench.click("reset plant");
+    assert!(bench.ui.branch_edits().is_empty());
+    assert_eq!(bench.ui.scene().instances[1].transform.w_axis.z, 0.0);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, 0.3);
 }
