@@ -122,7 +122,10 @@ impl ViewerUi {
             self.landmark("branch name", &field);
             if field.lost_focus() && !self.plants.name.is_empty() {
                 match plant.branches.iter().position(|b| b.0 == self.plants.name) {
-                    Some(index) => part = Part::Branch(index),
+                    Some(index) => {
+                        part = Part::Branch(index);
+                        self.message.clear();
+                    }
                     None => self.message = format!("the plant has no branch \"{}\"", self.plants.name),
                 }
             }
