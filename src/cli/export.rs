@@ -212,7 +212,7 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
     let ledger = Ledger::new();
     let scene = Scene::open(manifest, Search { out: None, input_hash: None, free: false }, &ledger)?;
     let view = traced::views(&scene, args.view.as_deref())?[0];
-    let time = args.time.unwrap_or_else(|| branch::time(&scene.manifest, view));
+    let time = args.time.unwrap_or_else(|| scene.manifest.time_of(view));
     let world = reference::still(&scene, time, &ledger)?;
     let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
     let check = &scene.manifest.check;
