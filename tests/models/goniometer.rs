@@ -2,7 +2,9 @@
 //! the lobe again, and damaged files are refused with the number that is wrong.
 
 use crate::common::{refused, run, succeeded};
+use mesophyll::capture::goniometer::Readings;
 use mesophyll::optics::gloss::Lobe;
+use rand::{RngExt, SeedableRng};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -186,6 +188,30 @@ fn an_rgl_file_gives_its_lobe() {
     bytes.truncate(16);
     std::fs::write(&file, &bytes).unwrap();
     refused(&run(["fit", "gloss", "--samples", "--in", &name]), 2, &["ends within"]);
+}
+
+/// Damaged bytes give readings or a sentence: no panic, and nothing that takes long.
+#[test]
+fn damage_is_a_sentence_or_readings() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("x.bsdf");
+    let whole = tensor(&rgl());
+    let mut random = rand_pcg::Pcg64::seed_from_u64(3);
+    let start = std::time::Instant::now();
+    let mut refused = 0;
+    for _ in 0..300 {
+        let mut bytes = whole.clone();
+        for _ in 0..random.random_range(1..5) {
+            // Mostly in the list of arrays, which has some 500 bytes.
+            let most = if random.random_range(0..4) > 0 { 500 } else { bytes.len() };
+            let at = random.random_range(0..most);
+            bytes[at] = [0, 1, 2, 255, 127, random.random()][random.random_range(0..6)];
+        }
+        std::fs::write(&file, &bytes).unwrap();
+        refused += usize::from(Readings::read(&file).is_err());
+    }
+    assert!(refused > 50, "{refused}");
+    assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }
 
 /// Mitsuba's own reader of these files shows the same material.

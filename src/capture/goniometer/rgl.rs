@@ -15,6 +15,9 @@ use crate::{Error, Result};
 use std::f64::consts::PI;
 use std::path::Path;
 
+/// More wavelengths than this are a mistake.
+const WAVELENGTHS: usize = 1024;
+
 /// A function on the unit square: its nodes row by row, bilinear between them.
 struct Square<'a> {
     columns: usize,
@@ -34,11 +37,15 @@ impl Square<'_> {
         row(k) * (1.0 - g) + row(l) * g
     }
 
+    /// The integral of each row.
+    fn sums(&self) -> Vec<f64> {
+        self.values.chunks_exact(self.columns).map(integral).collect()
+    }
+
     /// The point below which the share `y` of the function lies by rows, and the share `x` within its row.
-    fn warp(&self, x: f64, y: f64) -> [f64; 2] {
+    fn warp(&self, sums: &[f64], x: f64, y: f64) -> [f64; 2] {
         let line = |r: usize| &self.values[r * self.columns..][..self.columns];
-        let sums: Vec<f64> = (0..self.rows).map(|r| integral(line(r))).collect();
-        let v = share(&sums, y);
+        let v = share(sums, y);
         let at = v * (self.rows - 1) as f64;
         let r = (at as usize).min(self.rows.saturating_sub(2));
         let (low, high, f) = (line(r), line((r + 1).min(self.rows - 1)), at - r as f64);
@@ -103,6 +110,7 @@ pub fn read(path: &Path) -> Result<Readings> {
     let bands = readings.names.len();
     let total = directions * theta_i.len() * plane;
     let every = total.div_ceil(DIRECTIONS).max(1);
+    let (mut known, mut sums) = (usize::MAX, Vec::new());
     for k in (0..total).step_by(every) {
         let (incident, at) = (k / plane, k % plane);
         let (i, j) = (incident / theta_i.len(), incident % theta_i.len());
@@ -112,9 +120,12 @@ pub fn read(path: &Path) -> Result<Readings> {
             rows: shape_vndf[2],
             values: &vndf[first..][..shape_vndf[2] * shape_vndf[3]],
         };
+        if incident != known {
+            (known, sums) = (incident, visible.sums());
+        }
         let x = (at % columns) as f64 / (columns - 1) as f64;
         let y = (at / columns) as f64 / (rows - 1) as f64;
-        let u = visible.warp(x, y);
+        let u = visible.warp(&sums, x, y);
         let phi = if isotropic { phi_i[i] } else { 0.0 };
         let half = direction(0.5 * PI * u[0] * u[0], (2.0 * u[1] - 1.0) * PI + phi);
         let light = direction(theta_i[j], phi_i[i]);
@@ -138,6 +149,10 @@ fn columns(file: &mut Tensors) -> Result<(&'static str, Vec<String>, Vec<String>
         return Ok(("rgb", names.clone(), names));
     }
     let (_, wavelengths) = file.floats("wavelengths", 1)?;
+    if wavelengths.len() > WAVELENGTHS {
+        let found = format!("found {} wavelengths", wavelengths.len());
+        return Err(Error::field(file.path(), "wavelengths", format!("{found}, expected at most {WAVELENGTHS}")));
+    }
     let name = |nm: f64| format!("brf_{}", (nm * 10.0).round() / 10.0);
     let mut names: Vec<String> = wavelengths.iter().map(|nm| name(*nm)).collect();
     // Wavelengths closer than a tenth of a nanometre keep apart by their place.
