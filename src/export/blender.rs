@@ -8,8 +8,8 @@ use crate::coat::{Coat, Lost, Paint, Textures, coats};
 use crate::gltf::{self, Kind};
 use crate::shown::{Shown, Sky};
 use mesophyll_files::atomic;
+use mesophyll_foreign::micro::Slopes;
 use mesophyll_foreign::target::{Coded, Target};
-use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     let mut textures = Textures::new(folder);
     let mut materials = Map::new();
     for coat in &coats {
-        let mut sides = json!({"slopes": if coat.sheet.lobe() == Lobe::Ggx { "GGX" } else { "BECKMANN" }});
+        let mut sides = json!({"slopes": Slopes::of(coat.sheet.lobe()).name().to_uppercase()});
         for side in Side::ALL {
             sides[side.name()] = one(coat, side, &mut textures)?;
         }

@@ -12,8 +12,8 @@ use crate::ply;
 use crate::shown::{Shown, Sky};
 use glam::DMat4;
 use mesophyll_files::atomic;
+use mesophyll_foreign::micro::Slopes;
 use mesophyll_foreign::target::{Coded, Target};
-use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -154,7 +154,7 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
                 Paint::Flat([a, ..]) => format!("<float name=\"alpha\" value=\"{a}\"/>"),
                 Paint::File(file) => bitmap("alpha", &file),
             };
-            let slopes = if sheet.lobe() == Lobe::Ggx { "ggx" } else { "beckmann" };
+            let slopes = Slopes::of(sheet.lobe()).name();
             let metal = match coat.coder.index() {
                 Some(n) => format!("<spectrum name=\"eta\" value=\"{n}\"/><spectrum name=\"k\" value=\"0\"/>"),
                 None => "<string name=\"material\" value=\"none\"/>".into(),

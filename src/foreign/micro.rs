@@ -15,6 +15,19 @@ pub enum Slopes {
 }
 
 impl Slopes {
+    /// The distribution of a lobe of ours. Other programs have no further ones.
+    pub fn of(lobe: Lobe) -> Slopes {
+        if lobe == Lobe::Ggx { Slopes::Ggx } else { Slopes::Beckmann }
+    }
+
+    /// The name that other programs have for it, in small letters.
+    pub fn name(self) -> &'static str {
+        match self {
+            Slopes::Beckmann => "beckmann",
+            Slopes::Ggx => "ggx",
+        }
+    }
+
     /// Our lobe with this distribution.
     pub fn lobe(self) -> Lobe {
         match self {

@@ -85,7 +85,7 @@ const METAL: f64 = 0.9999;
 impl Coder {
     /// For a leaf with this lobe, slopes in `slopes`, and a gloss of at most `rho_s`. A leaf without gloss has 0 there.
     pub fn new(target: Target, lobe: Lobe, slopes: [f64; 2], rho_s: f64) -> Coder {
-        let own = if lobe == Lobe::Ggx { Slopes::Ggx } else { Slopes::Beckmann };
+        let own = Slopes::of(lobe);
         let plain =
             |slopes, masking, under| Family { micro: Micro { slopes, masking }, index: None, grazing: false, under };
         let family = match target {

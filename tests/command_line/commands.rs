@@ -83,7 +83,7 @@ const SMALLER: [(&str, &str); 12] = [
 /// scene's check holds for each pixel, so it is as strict in a quarter of the pixels.
 const SMALLER_SCENES: [(&str, &str, &str); 2] = [
     ("data/foliar/autumn.toml", "width = 600\nheight = 220", "width = 300\nheight = 110"),
-    ("data/scenes/between.toml", "count = 24", "count = 6"),
+    ("data/scenes/between.toml", "dense-twig.glb", "two-species.glb"),
 ];
 
 fn is_command(text: &str) -> bool {

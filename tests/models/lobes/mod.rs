@@ -253,6 +253,7 @@ fn few_files_name_a_lobe() {
         found,
         [
             "src/capture/synth/illumination.rs",
+            "src/foreign/micro.rs",
             "src/optics/tube/fast/mod.rs",
             "src/proof/gloss/stress.rs",
             "src/surface/gloss.rs",

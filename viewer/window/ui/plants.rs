@@ -68,7 +68,9 @@ impl ViewerUi {
             ("resonance ×", &mut edit.resonance, 0.2..=5.0, "the branch's own frequency", sways),
             ("damping ×", &mut edit.damping, 0.1..=10.0, "how fast it comes to rest", sways),
         ] {
-            let slider = ui.add_enabled(on, Slider::new(value, range).max_decimals(2).text(name)).on_hover_text(hint);
+            // Halves and doubles lie on both sides of the middle.
+            let slider = Slider::new(value, range.clone()).logarithmic(*range.start() > 0.0);
+            let slider = ui.add_enabled(on, slider.max_decimals(2).text(name)).on_hover_text(hint);
             self.landmark(name, &slider);
             // A plant is posed anew when the pointer lets go, because that takes a while.
             settled |= slider.drag_stopped() || (slider.changed() && !slider.dragged());
