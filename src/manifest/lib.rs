@@ -23,6 +23,7 @@ pub use plant::{
 };
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
+use mesophyll_error::Fault;
 pub(crate) use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::mesh::Unit;
@@ -234,14 +235,20 @@ impl Manifest {
 
 /// The error for a scene that cannot be read. A table of an earlier version gets a word on what took its place.
 fn gone(path: &Path, text: &str, error: Error) -> Error {
-    let has = |header: &str| text.lines().any(|line| line.split('#').next().map(str::trim) == Some(header));
     let gone = [("cluster", "[cluster]"), ("tree", "[tree]"), ("branch", "[[branch]]")];
-    match gone.iter().find(|(_, header)| has(header)) {
-        Some((field, header)) => {
-            let what = format!("{header} is no longer read; expected a [[plant]], which has wood, branches and leaves");
-            Error::field(path, field, what)
-        }
-        None => error,
+    let old = |line: &str| {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        gone.iter().find(|(_, header)| *header == line)
+    };
+    let Some((number, (field, header))) = text.lines().enumerate().find_map(|(k, line)| Some((k, old(line)?))) else {
+        return error;
+    };
+    let what = format!("{header} is no longer read; expected a [[plant]], which has wood, branches and leaves");
+    Error::Input {
+        file: path.display().to_string(),
+        line: u32::try_from(number + 1).ok(),
+        field: Some((*field).into()),
+        fault: Fault::Other(what),
     }
 }
 

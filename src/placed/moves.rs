@@ -23,6 +23,11 @@ impl Moves<'_> {
         self.winds.is_some()
     }
 
+    /// Whether anything moves with time. Branches that only a load bends do not.
+    pub fn with_time(&self) -> bool {
+        self.winds.is_some_and(Winds::sways) || self.grass
+    }
+
     /// A placement at a time (s).
     pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
         let transform = match (rest.section, self.winds) {

@@ -34,7 +34,7 @@ pub struct Wood {
     pub bark: [f64; 3],
     /// The transform from mesh to world, for every place where it stands.
     pub places: Vec<DMat4>,
-    /// How its vertices are carried, where the wind moves it. It then stands at one place only.
+    /// How its vertices are carried, where something moves it. It then stands at one place only.
     pub bark_moves: Option<Bark>,
 }
 

@@ -56,13 +56,12 @@ impl Standing {
         self.winds.as_ref().and_then(|w| w.pose(index, place, time))
     }
 
-    /// All plants as one, in the scene's frame. Without a time it is at rest.
-    fn plant(&self, manifest: &Manifest, time: Option<f64>) -> Plant {
+    /// All plants as one, in the scene's frame, each in the pose that `pose` gives for its index and its place.
+    fn plant<'a>(&self, manifest: &Manifest, pose: impl Fn(usize, usize) -> Option<Pose<'a>>) -> Plant {
         let mut out = Plant { name: manifest.name.clone(), ..Plant::default() };
         for (index, place, to_scene) in self.each() {
             let one = &self.planted[index];
-            let pose = time.and_then(|time| self.pose(index, place, time));
-            let posed = pose.map_or_else(|| one.plant.clone(), |pose| pose.plant(&one.plant));
+            let posed = pose(index, place).map_or_else(|| one.plant.clone(), |pose| pose.plant(&one.plant));
             let called = if self.unique { String::new() } else { format!("{}: ", one.name_at(place)) };
             out.join(posed.moved(to_scene), &called);
         }
@@ -96,15 +95,18 @@ impl Standing {
 /// [`Error::Input`] for a scene without plants, and for more triangles than a plant's file may have; and those of
 /// [`planted`] and [`Winds::new`].
 pub fn plants(manifest: &Manifest, time: f64, ledger: &Ledger) -> Result<Plant> {
-    Ok(Standing::new(manifest, ledger)?.plant(manifest, Some(time)))
+    let standing = Standing::new(manifest, ledger)?;
+    Ok(standing.plant(manifest, |index, place| standing.pose(index, place, time)))
 }
 
-/// All plants of a scene at rest, with names and frame as in [`plants`].
+/// All plants of a scene without a wind, with names and frame as in [`plants`]. Loads bend their branches.
 ///
 /// # Errors
 /// As [`plants`].
 pub fn resting(manifest: &Manifest, ledger: &Ledger) -> Result<Plant> {
-    Ok(Standing::new(manifest, ledger)?.plant(manifest, None))
+    let standing = Standing::new(manifest, ledger)?;
+    let bent = |index, place| standing.winds.as_ref().and_then(|w| w.loaded(index, place));
+    Ok(standing.plant(manifest, bent))
 }
 
 /// Writes an animation of all plants of a scene, from `from` (s) with a key every `step` (s), to the last step at or
@@ -116,10 +118,10 @@ pub fn resting(manifest: &Manifest, ledger: &Ledger) -> Result<Plant> {
 pub fn animation(manifest: &Manifest, from: f64, until: f64, step: f64, ledger: &Ledger, path: &Path) -> Result<()> {
     let keys = Keys::new(from, until, step)?;
     let standing = Standing::new(manifest, ledger)?;
-    if standing.winds.is_none() {
+    if !standing.winds.as_ref().is_some_and(Winds::sways) {
         return Err(Error::field(&manifest.path, "wind", "nothing moves; expected a [wind] that moves a plant"));
     }
-    let rest = standing.plant(manifest, None);
+    let rest = standing.plant(manifest, |_, _| None);
     let carried = Carried::of(&rest);
     let after = keys.after(carried.on.len())?;
     write_moving(&rest, &carried, from, &after, |time| standing.motions(&carried, time), path)

@@ -22,7 +22,7 @@ pub struct Sections {
     places: Vec<DMat4>,
 }
 
-/// How the bark of a plant in the wind is carried.
+/// How the bark of a plant that moves is carried.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bark {
     /// Number of the plant's first section among those of the scene.

@@ -90,7 +90,7 @@ impl Film {
 pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
     let drawn_by = |e: viewer::Error| Error::Missed(format!("the renderer failed: {e}"));
     let frames = options.frames()?;
-    if !scene.placed.moves().any() && !scene.manifest.fades() {
+    if !scene.placed.moves().with_time() && !scene.manifest.fades() {
         return Err(Error::Usage(format!("{}: {NOTHING_MOVES}", scene.manifest.path.display())));
     }
     if options.motion && scene.placed.moves().grass {
@@ -188,7 +188,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
 
 /// The error for a scene without motion.
 pub const NOTHING_MOVES: &str = "nothing moves in this scene, so all frames would be equal; expected a [wind] and a \
-    branch, a plant or a lawn that it moves, or a leaf with fades_to below its chlorophyll";
+    plant or a lawn that it moves, or a leaf with fades_to below its chlorophyll";
 
 impl Options {
     /// Number of frames.

@@ -89,7 +89,6 @@ fn plants_that_cannot_stand_say_why() {
             format!("{grow}{BARK}flutter = {{ deg_per_m_s = 4, resonance_hz = 7 }}\n"),
             "found 7, expected 0.05 to 6.4 Hz",
         ),
-        (format!("{grow}{BARK}drag_n_s_m3 = 0\nflutter = {{ deg_per_m_s = 4 }}\n"), "flutter: given, but with a drag"),
         (format!("{grow}{BARK}flutter = {{ resonance_hz = 4 }}\n"), "missing field `deg_per_m_s`"),
         (
             format!("{grow}{BARK}[ground]\nalbedo = [0.1, 0.1, 0.1]\nreach_mm = 500\ncontrast = 0.3\n"),

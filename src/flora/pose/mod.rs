@@ -131,6 +131,12 @@ impl Limb {
         limb
     }
 
+    /// Deflection of the tip over the length, for an amplitude of 1, of the straight beam that the branch bends as. Poses
+    /// limit it ([`FREELY`]).
+    pub fn beam_tip(&self) -> f64 {
+        self.shape.tip()
+    }
+
     /// The growth of the beam's deflection along piece `k`, for an amplitude of 1.
     fn rise(&self, k: usize) -> f64 {
         let end = self.pieces.get(k + 1).map_or(1.0, |p| p.0);

@@ -127,7 +127,7 @@ max_error = 0.1
             (
                 "[sun]",
                 "[cluster]\nleaves = [\"elm\"]\n[sun]",
-                "s.toml: cluster: [cluster] is no longer read; expected a [[plant]]",
+                "s.toml:10: cluster: [cluster] is no longer read; expected a [[plant]]",
             ),
             (
                 "[sun]",

@@ -105,12 +105,12 @@ impl Winds {
         let of_leaves = TEXTURES * flutters.len();
         if leads.len() + of_leaves > MOST_TEXTURES {
             let what = format!(
-                "a need of {} motion textures for the sway of branches, whose lengths differ so much, and of \
+                "a need of {} motion textures for the sway of branches, whose resonances and dampings differ so much, and of \
                  {of_leaves} for the flutter of leaves",
                 leads.len()
             );
             let expected = format!(
-                "at most {MOST_TEXTURES} in all; lengths are in mm, `scale` multiplies them, and plants whose `flutter` \
+                "at most {MOST_TEXTURES} in all; resonances follow from lengths (mm, times `scale`) or are stated, and plants whose `flutter` \
                  is the same share textures"
             );
             return Err(Error::unexpected(&manifest.path, "plant", what, expected));
@@ -168,6 +168,17 @@ impl Winds {
         Ok(Some(Winds { plants, motions, gusts, last: Mutex::default() }))
     }
 
+    /// Whether anything moves with time. Where it does not, plants are only bent by their loads.
+    pub fn sways(&self) -> bool {
+        !self.motions.is_empty()
+    }
+
+    /// The pose of a plant at one of its places under its loads alone, without a wind; `None` where nothing moves it.
+    pub fn loaded(&self, plant: usize, place: usize) -> Option<Pose<'_>> {
+        let swaying = self.plants.get(plant)?.as_ref()?;
+        Some(swaying.limbs.pose(|branch| swaying.weight(place, branch)))
+    }
+
     /// Amplitude of a branch towards r and s of its limb, at a place and a time (s).
     fn amplitude(&self, plant: &Swaying, place: usize, branch: usize, time: f64) -> [f64; 2] {
         let weight = plant.weight(place, branch);
@@ -207,12 +218,13 @@ fn held(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) ->
         for branch in (0..swaying.loads.len()).filter(|b| swaying.loads[*b] != 0.0) {
             let tips = (0..swaying.towards.len()).map(|place| {
                 let [x, y] = swaying.weight(place, branch);
-                x.hypot(y) * swaying.limbs.0[branch].tip
+                x.hypot(y) * swaying.limbs.0[branch].beam_tip()
             });
-            let tip = tips.fold(0.0, f64::max);
+            // A tip that is not a number counts as too far.
+            let tip = tips.fold(0.0f64, |a, b| if b <= a { a } else { b });
             if !(tip <= FREELY) {
                 let name = &planted[k].plant.branches[branch].name;
-                let found = format!("a load under which its tip goes by {tip:.2} of its length");
+                let found = format!("a load under which its tip goes by {tip:.3e} of its length");
                 let field = format!("plant {}: branch \"{name}\"", k + 1);
                 return Err(Error::unexpected(&manifest.path, &field, found, format!("at most {FREELY}")));
             }

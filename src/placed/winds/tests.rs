@@ -157,14 +157,39 @@ fn a_stated_load_bends_a_branch_as_a_beam() {
     manifest.plants[0].branches = vec![told(1e5, 0.4)];
     let said = stand(&manifest).1.unwrap_err();
     assert!(said.contains("plant 1: branch \"trunk\": found a load under which its tip goes by"), "{said}");
-    // A trunk that stands upright bends by none of it.
-    manifest.plants[0].rotation_deg = [0.0; 3];
-    manifest.plants[0].branches = vec![told(60.0, 0.4)];
-    let (planted, winds) = stand(&manifest);
-    let winds = winds.unwrap().unwrap();
-    let pose = winds.pose(0, 0, 0.0).unwrap();
-    let sideways = pose.tip(0).distance(planted[0].plant.branches[0].point(1.0).0);
-    assert!(sideways < 0.05 * length, "{sideways}");
+    // A straight branch on a plant of twice the size, at several tilts from the vertical and in a wind that moves nothing:
+    // the part of a small load across it bends it, downwards in the plane of the tilt.
+    let mut straight = planted[0].clone();
+    straight.plant.leaves.clear();
+    straight.plant.branches.truncate(1);
+    let branch = &mut straight.plant.branches[0];
+    branch.axis = vec![DVec3::ZERO, DVec3::X * 500.0];
+    (branch.load, branch.bending_load) = (5.0, 5.0);
+    manifest.plants[0].drag_n_s_m3 = 0.0;
+    for tilt in [0.0, 0.4, 1.0, 1.57, 2.4] {
+        let turn = glam::DQuat::from_rotation_z(0.7) * glam::DQuat::from_rotation_y(tilt);
+        let upright = glam::DQuat::from_rotation_arc(straight.plant.branches[0].axes[0], DVec3::Z);
+        straight.places = vec![DMat4::from_scale_rotation_translation(DVec3::splat(2.0), turn * upright, DVec3::ONE)];
+        let winds = Winds::new(&manifest, &[straight.clone()], &Ledger::new()).unwrap().unwrap();
+        assert!(!winds.sways());
+        let place = straight.places[0];
+        let tip = place.transform_point3(winds.pose(0, 0, 0.0).unwrap().tip(0));
+        let rest = place.transform_point3(straight.plant.branches[0].point(1.0).0);
+        let along = (rest - place.transform_point3(straight.plant.branches[0].root)).normalize();
+        let across = (DVec3::NEG_Z + along * along.z).normalize_or_zero();
+        let expected = mesophyll_plant::beam::deflection(0.4, 1.0) * 5.0 * tilt.sin() * 2.0;
+        let moved = tip - rest;
+        assert!((moved.dot(across) - expected).abs() < 2e-3 * expected + 1e-9, "{tilt}: {moved}, expected {expected}");
+        assert!((moved - across * moved.dot(across)).length() < 0.01 * expected + 1e-9, "{tilt}: {moved}");
+    }
+    // A curved branch is judged by the beam that it bends as.
+    let curl = |k: i32| DVec3::new(f64::from(k).mul_add(0.1, 0.0).sin(), 0.0, 1.0 - (0.1 * f64::from(k)).cos()) * 100.0;
+    straight.plant.branches[0].axis = (0..=47).map(curl).collect();
+    let whole = straight.plant.branches[0].length();
+    straight.plant.branches[0].bending_load = 0.9 * whole / mesophyll_plant::beam::deflection(0.4, 1.0);
+    straight.places = vec![DMat4::from_rotation_x(1.2)];
+    let said = Winds::new(&manifest, &[straight], &Ledger::new()).map(|_| ()).unwrap_err().to_string();
+    assert!(said.contains("expected at most 0.75"), "{said}");
     for (own, expected) in [
         (told(1.0, 1.0), "plant 1: branch.name: found \"bough\", expected a branch of the plant (trunk"),
         (

@@ -87,7 +87,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         }
         out.grass.push(std::sync::Arc::new(drawn));
     }
-    if placed.moves().any() && manifest.wind.is_some() {
+    if placed.moves().with_time() {
         out.wind = Some(viewer::Wind { time_s: manifest.rest_time() });
     }
     if let Some(found) = &scene.transfer {

@@ -129,7 +129,7 @@ pub fn unlit(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wor
     Ok(out)
 }
 
-/// Moves the branches of a world that [`world`] made, and everything that hangs on them, to a time (s).
+/// Moves the plants of a world that [`world`] made to a time (s).
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose inside cannot be read.

@@ -19,8 +19,8 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
         let why = match (manifest.plants.is_empty(), &manifest.wind) {
             (true, None) => "nothing bends: the scene has no plants and no wind",
             (true, Some(_)) => "nothing bends: the scene has wind and no plants",
-            (false, None) => "nothing bends: the scene states no load of a branch, and there is no wind",
-            (false, Some(_)) => "nothing bends: the scene states no load of a branch, and no plant moves in the wind",
+            (false, None) => "nothing bends: no branch has a load that bends it, and there is no wind",
+            (false, Some(_)) => "nothing bends: no branch has a load that bends it, and no plant moves in the wind",
         };
         let told = format!("{why}; no deformation in the vertex shader");
         plan.leave_out(LeftOut::new("beam fit", told, coefficients, None));

@@ -238,9 +238,15 @@ impl Editor for SceneEditor {
         if self.scene.transfer.is_some() {
             return Err("branches cannot be edited here: the light between leaves is that of the plants at rest".into());
         }
+        let before = self.plants.applied();
         let Scene { manifest, placed, .. } = &mut self.scene;
-        let applied = self.plants.apply(edits, manifest, placed, &self.ledger);
-        applied.and_then(|()| handover::scene(&self.scene, &self.ledger)).map_err(|e| e.to_string())
+        self.plants.apply(edits, manifest, placed, &self.ledger).map_err(|e| e.to_string())?;
+        handover::scene(&self.scene, &self.ledger).map_err(|e| {
+            // The window still shows the plants as they were.
+            let Scene { manifest, placed, .. } = &mut self.scene;
+            let restored = self.plants.apply(&before, manifest, placed, &self.ledger);
+            restored.err().unwrap_or(e).to_string()
+        })
     }
 
     fn save_plant(&mut self, plant: usize) -> std::result::Result<String, String> {

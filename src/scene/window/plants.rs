@@ -2,7 +2,7 @@
 
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_flora::form::{Branch, Stated};
+use mesophyll_flora::form::{Branch, DAMPINGS, LEANS, RESONANCES, Stated};
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::Placed;
 use mesophyll_placed::ledger::Ledger;
@@ -20,6 +20,7 @@ pub struct Plants {
     /// How they moved as the window opened.
     winds: Option<Arc<Winds>>,
     edited: Vec<Planted>,
+    applied: PlantEdits,
 }
 
 impl Plants {
@@ -29,13 +30,18 @@ impl Plants {
     /// As [`planted`].
     pub fn new(manifest: &Manifest, placed: &Placed, ledger: &Ledger) -> Result<Plants> {
         let start = planted(manifest, ledger)?;
-        Ok(Plants { edited: start.clone(), start, winds: placed.winds.clone() })
+        Ok(Plants { edited: start.clone(), start, winds: placed.winds.clone(), applied: PlantEdits::new() })
     }
 
     /// What the window lists.
     pub fn listed(&self) -> Vec<PlantInfo> {
         let branches = |p: &Planted| p.plant.branches.iter().map(|b| (b.name.clone(), b.level)).collect();
-        self.start.iter().map(|p| PlantInfo { name: p.name.clone(), branches: branches(p) }).collect()
+        self.start.iter().map(|p| PlantInfo { name: p.name_at(0), branches: branches(p) }).collect()
+    }
+
+    /// The edits that were applied last.
+    pub fn applied(&self) -> PlantEdits {
+        self.applied.clone()
     }
 
     /// Applies edits to the plants as the window opened, and places the result in the scene. After an error the scene is
@@ -65,7 +71,7 @@ impl Plants {
             }
         }
         placed.replant(manifest, &edited, ledger)?;
-        self.edited = edited;
+        (self.edited, self.applied) = (edited, edits.clone());
         Ok(())
     }
 
@@ -77,8 +83,9 @@ impl Plants {
         let Some(one) = self.edited.get(plant) else {
             return Err(Error::argument("plant", plant, format!("less than {}", self.edited.len())));
         };
-        let free = (1..).map(|n| folder.join(format!("{}-edit-{n}.glb", one.name))).find(|p| !p.exists());
-        let path = free.unwrap_or_else(|| folder.join(format!("{}.glb", one.name)));
+        let name: String = one.name.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+        let free = (1..).map(|n| folder.join(format!("{name}-edit-{n}.glb"))).find(|p| !p.exists());
+        let path = free.unwrap_or_else(|| folder.join(format!("{name}.glb")));
         atomic::probe_folder(folder)?;
         mesophyll_flora::file::write(&one.plant, &path)?;
         Ok(path)
@@ -103,8 +110,8 @@ fn edit_branch(branch: &mut Branch, edit: &BranchEdit, answer: Option<&Answer>) 
     let resonance = stated.resonance_hz.unwrap_or(oscillator.resonance);
     let damping = stated.damping.unwrap_or(oscillator.damping / (4.0 * PI * oscillator.resonance));
     branch.stated = Stated {
-        lean_per_m_s: Some((lean * f64::from(edit.lean)).min(1.0)),
-        resonance_hz: Some((resonance * f64::from(edit.resonance)).clamp(1e-3, 1e3)),
-        damping: Some((damping * f64::from(edit.damping)).clamp(0.01, 10.0)),
+        lean_per_m_s: Some((lean * f64::from(edit.lean)).clamp(LEANS[0], LEANS[1])),
+        resonance_hz: Some((resonance * f64::from(edit.resonance)).clamp(RESONANCES[0], RESONANCES[1])),
+        damping: Some((damping * f64::from(edit.damping)).clamp(DAMPINGS[0], DAMPINGS[1])),
     };
 }

@@ -5,10 +5,11 @@ use super::ViewerUi;
 use crate::editor::{BranchEdit, Part, PlantEdits, PlantInfo};
 use egui::{RichText, Slider};
 use mesophyll_viewer::scene::Material;
+use std::rc::Rc;
 
 /// What the panel shows and what was edited.
 pub(crate) struct Plants {
-    all: Vec<PlantInfo>,
+    all: Vec<Rc<PlantInfo>>,
     plant: usize,
     part: Part,
     /// The name in the text field.
@@ -21,6 +22,7 @@ pub(crate) struct Plants {
 impl Plants {
     pub(crate) fn new(all: Vec<PlantInfo>) -> Plants {
         let (part, shown) = (Part::Level(0), BranchEdit::NONE);
+        let all = all.into_iter().map(Rc::new).collect();
         Plants { all, plant: 0, part, name: String::new(), shown, edits: PlantEdits::new() }
     }
 
@@ -70,7 +72,8 @@ impl ViewerUi {
         ] {
             // Halves and doubles lie on both sides of the middle.
             let slider = Slider::new(value, range.clone()).logarithmic(*range.start() > 0.0);
-            let slider = ui.add_enabled(on, slider.max_decimals(2).text(name)).on_hover_text(hint);
+            let slider =
+                ui.add_enabled(on, slider.max_decimals(2).update_while_editing(false).text(name)).on_hover_text(hint);
             self.landmark(name, &slider);
             // A plant is posed anew when the pointer lets go, because that takes a while.
             settled |= slider.drag_stopped() || (slider.changed() && !slider.dragged());
@@ -137,7 +140,7 @@ impl ViewerUi {
             self.plants.choose(chosen, part);
         }
         if self.scene.wind.is_none() {
-            ui.label(RichText::new("This scene has no wind.").weak());
+            ui.label(RichText::new("Nothing sways in this scene.").weak());
         }
     }
 
