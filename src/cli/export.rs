@@ -190,6 +190,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         None => export(&args.folder, format, path, &options),
     })?;
     if stdout {
+        done.lost.iter().flat_map(Lost::lines).for_each(progress::say);
         return Ok(0);
     }
     if common.json {
@@ -211,6 +212,12 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
     let manifest = Manifest::read(&args.folder)?;
     let ledger = Ledger::new();
     let scene = Scene::open(manifest, Search { out: None, input_hash: None, free: false }, &ledger)?;
+    if let Some(missing) = scene.placed.unfitted().first() {
+        let leaf = format!("leaf \"{}\"", scene.manifest.leaves[*missing].name);
+        let why =
+            format!("not fitted; `mesophyll run {}` makes the fit, which the leaf then names", args.folder.display());
+        return Err(Error::field(&args.folder, &leaf, why));
+    }
     let view = traced::views(&scene, args.view.as_deref())?[0];
     let time = args.time.unwrap_or_else(|| scene.manifest.time_of(view));
     let world = reference::still(&scene, time, &ledger)?;

@@ -63,14 +63,14 @@ pub struct Lost {
 }
 
 impl Lost {
-    /// Of these coats. `unsaid` are sentences about what the target cannot hold at all.
+    /// Of these coats; of UsdPreviewSurface without numbers, because its renderers differ. `unsaid` are sentences about what the target cannot hold at all.
     pub fn new(format: &str, coats: &[Coat], unsaid: &[String]) -> Lost {
         let mut lines = Vec::new();
         let leaves = coats.iter().map(|coat| {
             let mut one = json!({"name": coat.sheet.name, "texels": coat.sheet.good.len()});
-            for side in Side::ALL.into_iter().filter(|s| *s == Side::Front || coat.leaf) {
+            for side in Side::ALL.into_iter().filter(|s| format != "usd" && (*s == Side::Front || coat.leaf)) {
                 one[side.name()] = record(&coat.loss[side]);
-                lines.extend(coat.leaf.then(|| line(&coat.sheet.name, side, &coat.loss[side])));
+                lines.push(line(&coat.sheet.name, side, &coat.loss[side]));
             }
             one
         });

@@ -135,7 +135,7 @@ impl From<Vec<PathBuf>> for Exported {
 }
 
 /// Writes what is shown as `format`, with its loss beside it: in a folder as `loss.json`, beside a file as
-/// `STEM.loss.json`. `scene` says whether it is a whole scene.
+/// `FILE.loss.json`. `scene` says whether it is a whole scene.
 ///
 /// # Errors
 /// [`Error::Usage`] for a folder or file that holds something else; [`Error::Write`].
@@ -146,8 +146,9 @@ pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, 
             (Format::Gltf, false) => gltf::Kind::Opaque,
             _ => gltf::Kind::Translucent,
         };
+        let record = record_of_loss(path)?;
         let lost = gltf::write(shown, path, kind)?;
-        return beside(path, vec![path.to_path_buf()], lost);
+        return beside(record, vec![path.to_path_buf()], lost);
     }
     let _claim = claim::folder(path, Kind::Export, inputs)?;
     claim::begin(path, Kind::Export)?;
@@ -165,10 +166,22 @@ pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, 
     Ok(Exported { files, lost: Some(lost) })
 }
 
-/// Writes the loss of a file beside it.
-fn beside(path: &Path, mut files: Vec<PathBuf>, lost: Lost) -> Result<Exported> {
-    let record = path.with_extension("loss.json");
+/// The place of a file's loss, `FILE.loss.json`; refused where something else has that name.
+fn record_of_loss(path: &Path) -> Result<PathBuf> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".loss.json");
+    let record = PathBuf::from(name);
     claim::file(&record, &["json"], &[])?;
+    let ours = |text: String| serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|v| v["target"].is_string());
+    if record.exists() && !std::fs::read_to_string(&record).is_ok_and(ours) {
+        let what = "found something else, expected a free name or the loss of an earlier export";
+        return Err(Error::Usage(format!("{}: {what}", record.display())));
+    }
+    Ok(record)
+}
+
+/// Writes the loss of a file beside it.
+fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: Lost) -> Result<Exported> {
     lost.write(&record)?;
     files.push(record);
     Ok(Exported { files, lost: Some(lost) })
@@ -234,6 +247,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         Format::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),
         Format::Csv => table::write(&sides, &record, path).map(|()| alone())?.into(),
         Format::Obj => {
+            let loss = record_of_loss(path)?;
             let files = obj::write(&sides, &record, folder, path)?;
             let shown = shown::Shown::of_fit(folder, &sides)?;
             let unsaid = [
@@ -242,7 +256,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
                     .to_string(),
             ];
             let coats = coat::coats(&shown, mesophyll_foreign::target::Target::Obj);
-            beside(path, files, Lost::new("obj", &coats, &unsaid))?
+            beside(loss, files, Lost::new("obj", &coats, &unsaid))?
         }
         _ => assemble(&shown::Shown::of_fit(folder, &sides)?, format, path, false, &[folder])?,
     })

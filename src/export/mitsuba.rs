@@ -44,7 +44,9 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     places(&mut text, shown);
     text.push_str("</scene>\n");
     let mut unsaid = shown.left_out.clone();
-    unsaid.push("the sun's disk: its light comes from one direction, so that shadows have no penumbra".into());
+    if shown.sun.is_some() {
+        unsaid.push("the sun's disk: its light comes from one direction, so that shadows have no penumbra".into());
+    }
     if shown.sheets.iter().any(|s| s.normals.iter().any(|(_, n)| n.is_some())) {
         unsaid.push("the mapped normals of transmitted light, which leaves by the mesh's own".into());
     }
@@ -131,6 +133,14 @@ fn bitmap(name: &str, file: &str) -> String {
     )
 }
 
+/// The plugins refuse a colour above 1 but take it from a raw picture.
+fn within(paint: Paint, textures: &mut Textures, name: &str) -> Result<Paint> {
+    match paint {
+        Paint::Flat(c) if c.iter().any(|v| *v > 1.0) => textures.picture(name, [1, 1], |_| c.map(|v| v as f32)),
+        other => Ok(other),
+    }
+}
+
 /// Shares of transmission, and of gloss in what is reflected.
 fn weights(coat: &Coat) -> [f64; 2] {
     let [t, d, s] = [coat.most(|c| c.through), coat.most(|c| c.diffuse), coat.most(|c| c.gloss)];
@@ -147,9 +157,11 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
         let left = 1.0 - through;
         let scaled = |c: [f64; 3], by: f64| if by > 0.0 { c.map(|v| v / by) } else { c };
         let diffuse = textures.colour(sheet, &name("diffuse"), |k| scaled(of(k).diffuse, left * (1.0 - gloss)))?;
+        let diffuse = within(diffuse, textures, &format!("{}_{}", sheet.name, name("diffuse")))?;
         let mut bsdf = format!("<bsdf type=\"diffuse\">{}</bsdf>", paint("reflectance", &diffuse));
         if gloss > 0.0 {
             let colour = textures.colour(sheet, &name("gloss"), |k| scaled(of(k).gloss, left * gloss))?;
+            let colour = within(colour, textures, &format!("{}_{}", sheet.name, name("gloss")))?;
             let alpha = match textures.colour(sheet, &name("alpha"), |k| [of(k).alpha; 3])? {
                 Paint::Flat([a, ..]) => format!("<float name=\"alpha\" value=\"{a}\"/>"),
                 Paint::File(file) => bitmap("alpha", &file),
@@ -177,6 +189,7 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
         format!("<bsdf type=\"twosided\">{}{}</bsdf>", one(Side::Front, textures)?, one(Side::Back, textures)?);
     if through > 0.0 {
         let colour = textures.colour(sheet, "through", |k| coat.coded[k].front.through.map(|v| v / through))?;
+        let colour = within(colour, textures, &format!("{}_through", sheet.name))?;
         bsdf = format!(
             "<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\"{through}\"/>{bsdf}<bsdf \
              type=\"principledthin\"><float name=\"diff_trans\" value=\"2\"/><float name=\"spec_trans\" \

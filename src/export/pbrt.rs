@@ -76,7 +76,9 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     }
     let mut unsaid = shown.left_out.clone();
     unsaid.push("two sides that differ: a material of pbrt is the same on both, and is the mean".into());
-    unsaid.push("the sun's disk: its light comes from one direction, so that shadows have no penumbra".into());
+    if shown.sun.is_some() {
+        unsaid.push("the sun's disk: its light comes from one direction, so that shadows have no penumbra".into());
+    }
     if shown.sheets.iter().any(|s| s.normals.back.is_some()) {
         unsaid.push("the mapped normals of the back: the front's are on both sides".into());
     }

@@ -145,11 +145,14 @@ impl Coder {
                 self.in_bytes(plain(&texel.sides[s], through))
             }),
             Target::Pbrt => {
-                let middle = Part {
-                    rho_d: mean(front.rho_d, back.rho_d),
-                    rho_t: both,
-                    rho_s: mean(front.rho_s, back.rho_s),
-                    m: 0.5 * (front.m + back.m),
+                // Wood and ground are black behind and have one side. A matte side has no slope.
+                let one_sided = [back.rho_d, back.rho_t, back.rho_s].iter().flatten().all(|v| *v <= 0.0);
+                let [a, b] = [front, back].map(|p| p.rho_s.iter().sum::<f64>());
+                let m = if a + b > 0.0 { (a * front.m + b * back.m) / (a + b) } else { 0.5 * (front.m + back.m) };
+                let middle = if one_sided {
+                    front
+                } else {
+                    Part { rho_d: mean(front.rho_d, back.rho_d), rho_t: both, rho_s: mean(front.rho_s, back.rho_s), m }
                 };
                 let c = plain(&middle, both);
                 let weight = most(c.gloss).min(0.99);
@@ -202,7 +205,8 @@ impl Coder {
     /// What the target shows of a side with its numbers.
     pub fn seen(&self, c: &Coded) -> Seen {
         let family = self.table.as_ref().map(Table::family);
-        let shine = family.filter(|_| most(c.gloss) > 0.0).map(|f| f.shine(c.alpha, c.gloss));
+        // Schlick's rise and 1 − E stay where the colour is 0, so the lobe does, too.
+        let shine = family.map(|f| f.shine(c.alpha, c.gloss));
         let plain = Seen { diffuse: c.diffuse, through: c.through, shine, under: Under::Added };
         match self.target {
             Target::Mitsuba | Target::Blender | Target::Obj | Target::Usd => plain,

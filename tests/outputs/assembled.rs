@@ -320,7 +320,7 @@ fn a_whole_scene_is_a_gltf() {
     let place = turn * glam::Mat4::from_cols_array_2d(&eye.transform().matrix());
     // The scene's eye is at (120, −330, 120) mm with z up: y up has (x, z, −y), in metres.
     assert!((place.col(3).truncate() - glam::Vec3::new(0.12, 0.12, 0.33)).length() < 1e-6, "{place}");
-    let lost: Value = serde_json::from_slice(&std::fs::read(folder.path().join("s.loss.json")).unwrap()).unwrap();
+    let lost: Value = serde_json::from_slice(&std::fs::read(folder.path().join("s.glb.loss.json")).unwrap()).unwrap();
     assert_eq!(lost["surfaces"].as_array().unwrap().len(), 2);
     let said = lost["left_out"].to_string();
     assert!(said.contains("sky") && said.contains("sun"), "{said}");
