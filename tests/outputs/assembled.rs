@@ -344,3 +344,23 @@ fn what_cannot_be_exported_as_a_whole_is_a_sentence() {
     refused(&run(["export", scene, "--to", "csv", "-o", &out]), 2, &["is a scene", "mitsuba"]);
     assert!(!Path::new(&out).exists());
 }
+
+/// A scene whose leaf has no fit would lose this leaf silently.
+#[test]
+fn a_leaf_without_a_fit_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join("data/scenes/front-lit.toml")).unwrap();
+    let leaves = root.join("data/leaves").display().to_string();
+    let unfitted: Vec<String> =
+        text.lines().filter(|l| !l.starts_with("fit =")).map(|l| l.replace("../leaves", &leaves)).collect();
+    let scene = folder.path().join("s.toml");
+    std::fs::write(&scene, unfitted.join("\n")).unwrap();
+    let out = folder.path().join("m").display().to_string();
+    refused(
+        &run(["export", &scene.display().to_string(), "--to", "mitsuba", "-o", &out]),
+        2,
+        &["not fitted", "mesophyll run"],
+    );
+    assert!(!Path::new(&out).exists());
+}
