@@ -46,19 +46,19 @@ pub enum Format {
     /// Parameters with errors, statistics and run times, not the maps; of a sky also the arrays and how to evaluate
     /// them
     Json,
-    /// The blade as binary glTF (.glb) in metres, rho_d as base colour: opaque, and right in any reader
+    /// The blade as binary glTF (.glb) in metres, matte colour and gloss: opaque, no light comes through it
     #[strum(to_string = "gltf", serialize = "glb")]
     Gltf,
-    /// The same with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission; a scene as a
+    /// As gltf, with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission; a scene as a
     /// whole, with camera and sun
     GltfTranslucent,
     /// A folder with a scene for Mitsuba 3: scene.xml, meshes and textures, of a leaf or of a whole scene
     Mitsuba,
-    /// The same for pbrt-v4: scene.pbrt
+    /// A folder with a leaf or a whole scene for pbrt-v4: scene.pbrt, meshes and textures
     Pbrt,
-    /// The same as OpenUSD text with UsdPreviewSurface: scene.usda
+    /// A folder with a leaf or a whole scene as OpenUSD text with UsdPreviewSurface: scene.usda and textures
     Usd,
-    /// The same for Blender: scene.py, a script that builds the scene
+    /// A folder with a leaf or a whole scene for Blender: scene.py, a script that builds the scene, and what it reads
     Blender,
     /// A folder with the materials alone, as MaterialX with OpenPBR: leaf.mtlx
     #[strum(to_string = "materialx", serialize = "mtlx")]

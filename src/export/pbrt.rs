@@ -1,7 +1,8 @@
 //! A scene for pbrt-v4: `scene.pbrt`, meshes as PLY, textures as OpenEXR.
 //!
 //! A leaf is a `mix` of `diffusetransmission` and a `conductor` whose amount is the gloss. A material of pbrt is the
-//! same on both sides, so it is the mean of ours. The sky's picture is a square of equal areas (Clarberg 2008).
+//! same on both sides, so it is the mean of ours; of a surface with a black back it is the front. The sky's picture is
+//! a square of equal areas (Clarberg 2008).
 
 use crate::Result;
 use crate::coat::{Coat, Lost, Paint, Textures, coats};
@@ -75,7 +76,9 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
         }
     }
     let mut unsaid = shown.left_out.clone();
-    unsaid.push("two sides that differ: a material of pbrt is the same on both, and is the mean".into());
+    if coats.iter().any(|coat| coat.leaf) {
+        unsaid.push("two sides that differ: a material of pbrt is the same on both, and is the mean".into());
+    }
     if shown.sun.is_some() {
         unsaid.push("the sun's disk: its light comes from one direction, so that shadows have no penumbra".into());
     }
