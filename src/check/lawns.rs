@@ -6,7 +6,7 @@
 //! Sunlight on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is computed as if
 //! the blade stood alone.
 
-use crate::{blocks, told};
+use crate::{blocks, repeats, told};
 use glam::{DVec3, Vec3};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
@@ -48,6 +48,7 @@ enum Drawn {
 }
 
 const LAWN: &str = include_str!("../../data/grass/lawn.toml");
+const CLOVER: &str = include_str!("../../data/grass/clover.toml");
 /// Number of blades on a square metre of the lawn.
 const PER_M2: f64 = 21_000.0;
 /// Elevations of the eye over the ground (degrees), distances (mm), and densities relative to the thinnest lawn's.
@@ -55,7 +56,7 @@ const ELEVATIONS: [f64; 5] = [8.0, 20.0, 40.0, 65.0, 90.0];
 const DISTANCES: [f64; 3] = [500.0, 1500.0, 4500.0];
 const DENSITIES: [f64; 3] = [1.0, 4.0, 16.0];
 /// Steps of the progress bar.
-pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len()) as u64;
+pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len() + 1) as u64;
 /// The rows of the source's Table 2.1: pixels, steps, and the speed-up.
 const TABLE: [([u32; 2], u32, f64); 3] = [([1024, 768], 4, 1.56), ([1024, 768], 16, 2.67), ([1600, 1200], 4, 1.93)];
 /// Pixels of the pictures that are judged, paths for each pixel, and pixels along the side of a block.
@@ -73,15 +74,20 @@ struct Lawn {
 impl Lawn {
     /// A lawn with this many blades on a square metre, on a square of this many rectangles of 400 mm.
     fn new(per_m2: f64, tiles: usize) -> Result<Lawn> {
+        Lawn::with(meadow(per_m2)?, tiles, "")
+    }
+
+    /// A lawn of a meadow, with more fields.
+    fn with(meadow: String, tiles: usize, more: &str) -> Result<Lawn> {
         let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a lawn: {e}")))?;
         let write =
             |name: &str, text: String| mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes());
-        write("lawn.toml", meadow(per_m2)?)?;
+        write("lawn.toml", meadow)?;
         let lights = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 20000\n[sun]\nzenith_deg = 50\nazimuth_deg = 250\n\
                       irradiance = [10, 9.6, 9]\n[sky]\nradiance = [0.7, 0.85, 1.1]\n";
         let view = "[[view]]\nname = \"lawn\"\nkind = \"perspective\"\neye_mm = [0, -900, 400]\ntarget_mm = [0, 0, 0]\n\
                     fov_deg = 20\n";
-        let grass = format!("[[grass]]\nname = \"lawn\"\nmeadow = \"lawn.toml\"\ntiles = [{tiles}, {tiles}]\n");
+        let grass = format!("[[grass]]\nname = \"lawn\"\nmeadow = \"lawn.toml\"\ntiles = [{tiles}, {tiles}]\n{more}");
         write("scene.toml", format!("schema = 1\nname = \"lawn\"\nexposure = 0.35\n{grass}{lights}{view}"))?;
         let ledger = Ledger::new();
         let manifest = Manifest::read(&folder.path().join("scene.toml"))?;
@@ -288,6 +294,61 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             ),
         });
         bar.step()?;
+    }
+    rows.extend(repetition(&mut renderer)?);
+    bar.step()?;
+    Ok(rows)
+}
+
+/// How much 8 x 8 rectangles in the middle of a lawn repeat, seen from above at 24 pixels a rectangle, where rectangles
+/// are all alike and where they are irregular. In the sun, the slices themselves show, which stand at the same places
+/// in all rectangles. A lag of 14 of the 16 slices tells this from a repetition of the meadow.
+///
+/// # Errors
+/// Those of reading and drawing.
+fn repetition(renderer: &mut gpu::Renderer) -> Result<Vec<Row>> {
+    const RECTANGLES: usize = 8;
+    const PIXELS: usize = 24;
+    let side = RECTANGLES * PIXELS;
+    let mut rows = Vec::new();
+    for (name, meadow) in [("lawn", LAWN), ("clover", CLOVER)] {
+        let lawn = Lawn::with(meadow.to_string(), RECTANGLES + 2, "irregular_seed = 7\n")?;
+        let (above, _) = camera(90.0, 400_000.0, RECTANGLES as f64 * lawn.scene.placed.grass[0].period[1]);
+        for way in ["all alike", "irregular"] {
+            let mut drawn = lawn.base.clone();
+            if way == "all alike" {
+                drawn.grass = vec![Arc::new(viewer::Grass { irregular: None, ..lawn.base.grass[0].as_ref().clone() })];
+            }
+            let mut told_of = Vec::new();
+            let mut us = f64::NAN;
+            for light in ["in the sun", "under the sky alone"] {
+                renderer.set_scene(&drawn).map_err(told)?;
+                if drawn.sun.take().is_some() {
+                    us = frame(renderer, &camera(35.0, 1200.0, 300.0).0, [480, 320])?;
+                }
+                let picture = renderer.render(&above, side as u32, side as u32).map_err(told)?;
+                let green: Vec<f64> = picture.hdr.iter().map(|p| f64::from(p[1])).collect();
+                let at = |lag| repeats::autocorrelation(&green, side, lag);
+                told_of.push(format!(
+                    "{light}: a rectangle along x {:.2}, along y {:.2}, 14 slices along x {:.2}, largest at a multiple of \
+                     an eighth {:.2}",
+                    at([PIXELS, 0]),
+                    at([0, PIXELS]),
+                    at([PIXELS * 14 / 16, 0]),
+                    repeats::largest(&green, side, [PIXELS; 2])
+                ));
+            }
+            let adapter = &renderer.adapter().name;
+            let note =
+                format!("autocorrelation from above; {}; time of 480x320 from 35°; {adapter}", told_of.join("; "));
+            rows.push(Row {
+                knob: "repetition",
+                setting: format!("{name}, rectangles {way}"),
+                error: f64::NAN,
+                us,
+                note,
+            });
+        }
     }
     Ok(rows)
 }

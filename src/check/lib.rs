@@ -20,6 +20,7 @@ pub mod methods;
 mod perspective;
 mod pictures;
 mod proof;
+pub mod repeats;
 mod report;
 mod verify;
 

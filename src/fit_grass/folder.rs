@@ -89,6 +89,7 @@ pub fn open(folder: &Path) -> Result<Slices> {
         upright,
         level,
         weighted: true,
+        irregular: None,
     })
 }
 

@@ -297,6 +297,7 @@ fn assembled(meadow: &Meadow, options: &Options, pictures: &[Vec<Texel>]) -> Sli
         upright,
         level,
         weighted: true,
+        irregular: None,
     }
 }
 

@@ -9,10 +9,13 @@
 
 use crate::blades::{STEPS, shown};
 use crate::sheet::{BYTES, CHANNELS, Sheet};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 
 /// Below this share of light that is left, a ray counts as stopped.
 const OPAQUE: f64 = 1e-4;
+/// In an irregular lawn, every rectangle shows the meadow moved by a whole number of these parts of its sides. Slices
+/// stay where they are, so their number is a multiple of it.
+pub const SHIFTS: usize = 8;
 
 /// A meadow as slices. Lengths are in mm. The rectangle lies around the origin, and the ground is at z = 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +40,8 @@ pub struct Slices {
     pub level: Option<Sheet>,
     /// Whether opacities are weighted by direction. If not, each slice counts in full.
     pub weighted: bool,
+    /// The seed of an irregular lawn, whose rectangles are moved as [`shifted`] says. With `None`, all are alike.
+    pub irregular: Option<u32>,
 }
 
 /// The axis that a slice stands across.
@@ -81,6 +86,22 @@ impl Crossing {
 /// A point or a direction of the leaning lawn, transformed to the lawn without wind.
 pub fn unleant(v: DVec3, lean: DVec2) -> DVec3 {
     v - (lean * v.z).extend(0.0)
+}
+
+/// By how many [`SHIFTS`] of its sides a rectangle of an irregular lawn is moved. Its point at a share p of a side shows
+/// what the meadow has at p plus this. The rectangle around the origin is the first, and the count goes on without end
+/// in all directions. The hash is pcg2d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020).
+pub fn shifted(seed: u32, rectangle: [i64; 2]) -> [usize; 2] {
+    const FACTOR: u32 = 1_664_525;
+    let mut v = (UVec2::from(rectangle.map(|k| k as u32)).wrapping_add(UVec2::new(seed, 0)))
+        .wrapping_mul(UVec2::splat(FACTOR))
+        .wrapping_add(UVec2::splat(1_013_904_223));
+    for _ in 0..2 {
+        v.x = v.x.wrapping_add(v.y.wrapping_mul(FACTOR));
+        v.y = v.y.wrapping_add(v.x.wrapping_mul(FACTOR));
+        v ^= v >> 16;
+    }
+    v.to_array().map(|k| k as usize % SHIFTS)
 }
 
 /// What a ray gathered on its way.
@@ -161,13 +182,25 @@ impl Slices {
     /// The texel of a slice where a ray crosses it. Its opacity, the first number, is weighted as `weights` says, and
     /// the other numbers with it. `level` is the sheets' level of detail.
     pub fn texel(&self, crossing: &Crossing, weights: [f64; 2], level: f64) -> [f64; CHANNELS] {
-        let share = |k: usize| crossing.place[k] / self.period[k] + 0.5;
+        let mut share = [0, 1].map(|k| crossing.place[k] / self.period[k] + 0.5);
         let height = crossing.place.z / self.height;
-        let cell = crossing.index.rem_euclid(self.count as i64) as usize;
+        let mut index = crossing.index;
+        if let Some(seed) = self.irregular {
+            // A slice is in the rectangle that its number says, and in the one where it is crossed along its length.
+            let mut rectangle = share.map(|s| s.floor() as i64);
+            if crossing.across != Across::Z {
+                rectangle[crossing.across as usize] = index.div_euclid(self.count as i64);
+            }
+            let moved = shifted(seed, rectangle);
+            (0..2).for_each(|k| share[k] += moved[k] as f64 / SHIFTS as f64);
+            let across = moved.get(crossing.across as usize).copied().unwrap_or_default();
+            index += (across * self.count / SHIFTS) as i64;
+        }
+        let cell = index.rem_euclid(self.count as i64) as usize;
         let (found, weight) = match (crossing.across, &self.level) {
-            (Across::X, _) => (self.upright.at(cell, [share(1), height], level), weights[0]),
-            (Across::Y, _) => (self.upright.at(self.count + cell, [share(0), height], level), weights[0]),
-            (Across::Z, Some(sheet)) => (sheet.at(0, [share(0), share(1).rem_euclid(1.0)], level), weights[1]),
+            (Across::X, _) => (self.upright.at(cell, [share[1], height], level), weights[0]),
+            (Across::Y, _) => (self.upright.at(self.count + cell, [share[0], height], level), weights[0]),
+            (Across::Z, Some(sheet)) => (sheet.at(0, [share[0], share[1].rem_euclid(1.0)], level), weights[1]),
             (Across::Z, None) => ([0.0; CHANNELS], 0.0),
         };
         if weight == 1.0 {

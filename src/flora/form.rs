@@ -123,10 +123,16 @@ impl Plant {
 
     /// All blades of a material at their places, as one mesh. The mesh is empty where there are none.
     pub fn blades_of(&self, material: &str) -> LeafMesh {
+        self.blades_at(material, |leaf| Some(leaf.transform))
+    }
+
+    /// The blades of a material as one mesh, where `place` puts each; it leaves out those for which there is no place.
+    pub fn blades_at(&self, material: &str, place: impl Fn(&Leaf) -> Option<DMat4>) -> LeafMesh {
         let mut mesh = LeafMesh::default();
         for leaf in &self.leaves {
-            if let Some(blade) = self.blades.get(leaf.blade).filter(|blade| blade.material == material) {
-                mesh.append(&blade.mesh, leaf.transform);
+            let blade = self.blades.get(leaf.blade).filter(|blade| blade.material == material);
+            if let Some((blade, place)) = blade.zip(place(leaf)) {
+                mesh.append(&blade.mesh, place);
             }
         }
         mesh

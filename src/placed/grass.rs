@@ -3,12 +3,12 @@
 use super::leaning::{Gusts, Leaning};
 use crate::ledger::Ledger;
 use crate::{Error, Result};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use mesophyll_fit_grass::blades::Meadow;
-use mesophyll_fit_grass::march::Slices;
+use mesophyll_fit_grass::march::{SHIFTS, Slices, shifted};
 use mesophyll_fit_grass::optics::{self, Leaves};
 use mesophyll_fit_grass::{Options, baked, counted, fits_memory, folder, plant, weights};
-use mesophyll_flora::form::Plant;
+use mesophyll_flora::form::{Leaf, Plant};
 use mesophyll_manifest::{Grass as Config, Manifest};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -43,6 +43,8 @@ pub struct Grass {
     pub origin: DVec3,
     /// Height of the highest tip over the ground (mm).
     pub height: f64,
+    /// The seed by which the meadow is moved in each rectangle of an irregular lawn.
+    pub irregular: Option<u32>,
     /// How the wind leans the lawn, if it does.
     pub leaning: Option<Leaning>,
     /// Path of the meadow's file.
@@ -133,6 +135,7 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
     let height = tips.fold(0.0, f64::max);
     Ok(Grass {
         height,
+        irregular: config.irregular_seed,
         leaning: None,
         index,
         name: config.name.clone(),
@@ -169,6 +172,51 @@ impl Grass {
             let [x, y] = [(k % nx) as f64 * self.period[0], (k / nx) as f64 * self.period[1]];
             DMat4::from_translation(self.origin + DVec3::new(x, y, 0.0))
         })
+    }
+
+    /// The parts that rectangles are made of: in an irregular lawn [`SHIFTS`] along each side, and otherwise one, which
+    /// has no number.
+    pub fn parts(&self) -> Vec<Option<[usize; 2]>> {
+        match self.irregular {
+            None => vec![None],
+            Some(_) => (0..SHIFTS * SHIFTS).map(|k| Some([k % SHIFTS, k / SHIFTS])).collect(),
+        }
+    }
+
+    /// Where a blade stands in the meadow, if it belongs to this part. A blade whose middle hangs over the edge belongs
+    /// to the part that it hangs into from the other side.
+    pub fn in_part(&self, leaf: &Leaf, part: Option<[usize; 2]>) -> Option<DMat4> {
+        let Some(part) = part else { return Some(leaf.transform) };
+        let (at, back) = self.part_of(leaf);
+        (at == part).then(|| DMat4::from_translation(-back) * leaf.transform)
+    }
+
+    /// The part of a blade, and how far its rectangle is from that of the origin.
+    fn part_of(&self, leaf: &Leaf) -> ([usize; 2], DVec3) {
+        let period = DVec2::from(self.period);
+        let share = leaf.transform.w_axis.truncate().truncate() / period + 0.5;
+        let part = ((share - share.floor()) * SHIFTS as f64).to_array().map(|s| (s as usize).min(SHIFTS - 1));
+        (part, (share.floor() * period).extend(0.0))
+    }
+
+    /// How far a part is moved within the rectangle number `k` of [`Grass::places`].
+    pub fn moved(&self, part: Option<[usize; 2]>, k: usize) -> DVec3 {
+        let (Some(seed), Some(part)) = (self.irregular, part) else { return DVec3::ZERO };
+        let by = shifted(seed, [k % self.tiles[0], k / self.tiles[0]].map(|n| n as i64));
+        let axis = |n: usize| {
+            let to = (part[n] + SHIFTS - by[n]) % SHIFTS;
+            (to as f64 - part[n] as f64) / SHIFTS as f64 * self.period[n]
+        };
+        DVec3::new(axis(0), axis(1), 0.0)
+    }
+
+    /// Where a blade stands in the rectangle number `k` of [`Grass::places`], relative to the rectangle's middle.
+    pub fn place_in(&self, leaf: &Leaf, k: usize) -> DMat4 {
+        if self.irregular.is_none() {
+            return leaf.transform;
+        }
+        let (part, back) = self.part_of(leaf);
+        DMat4::from_translation(self.moved(Some(part), k) - back) * leaf.transform
     }
 
     /// The options for making slices where there is no fit.
@@ -209,6 +257,11 @@ impl Grass {
                 })?
             }
         };
+        if self.irregular.is_some() && !slices.count.is_multiple_of(SHIFTS) {
+            let told = format!("found {} slices, expected a multiple of {SHIFTS} beside irregular_seed", slices.count);
+            return Err(field(manifest, config, "fit", told));
+        }
+        let slices = Slices { irregular: self.irregular, ..slices };
         Ok(Arc::clone(self.slices.get_or_init(|| Arc::new(slices))))
     }
 }

@@ -82,7 +82,8 @@ fn the_pass_in_the_wind_is_its_twin() {
     assert!(before != after && after == renderer.render(camera, SIDE, SIDE).unwrap().hdr);
 }
 
-fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, Slices), lean: Lean) {
+/// Draws a lawn under a sky and under a sun with some of the cameras, and compares each picture with its twin.
+pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, Slices), lean: Lean) {
     let Some(mut renderer) = renderer_on(backend) else { return };
     let mut grass = drawn.grass[0].as_ref().clone();
     (grass.open, grass.soil_open, grass.scatter) = ([1.0; 17], 1.0, [0.0; 3]);
@@ -314,6 +315,16 @@ fn mistakes_about_a_lawn_are_one_sentence() {
             format!("{GRASS}lean_per_m_s = 0.3\n"),
             &format!("{GROUND}[wind]\nspeed_m_s = 4\nseed = 1\n"),
             "grass \"lawn\": lean_per_m_s: found 0.3, with which tips go by 2.",
+        ),
+        (
+            format!("{GRASS}irregular_seed = 1\n"),
+            GROUND,
+            "grass.slices: found 5, expected a multiple of 8 beside irregular",
+        ),
+        (
+            GRASS.replace("slices = 5", "slices = 8\nirregular_seed = 1"),
+            GROUND,
+            "grass.tiles: found [401, 401], expected 1 to 15625 rectangles",
         ),
         (GRASS.replace("[31, -17]", "[1e300, 0]"), GROUND, "grass.position_mm: found [1e300, 0.0], expected numbers"),
         (GRASS.replace("[31, -17]", "[nan, 0]"), GROUND, "grass.position_mm: found [NaN, 0.0], expected numbers from "),

@@ -16,6 +16,7 @@ mod goldens;
 mod grass;
 mod grass_light;
 mod grass_pass;
+mod grass_tiling;
 mod lawn;
 mod pivots;
 mod plan;

@@ -56,6 +56,10 @@ pub struct Grass {
     pub open: GrassTable,
     /// Share of an even sky's light that arrives at the ground.
     pub soil_open: f32,
+    /// The seed by which every rectangle shows the meadow moved by a random number of eighths of its sides, so that the
+    /// lawn does not repeat; `fit_grass::march` has the same rule. With `None`, all rectangles are alike, and the shader
+    /// has no code for it.
+    pub irregular: Option<u32>,
     /// How the wind leans the blades. With `None`, the shader has no code and no map for it.
     pub gusts: Option<Arc<GrassGusts>>,
     /// Whether every slice is drawn as polygons that are sorted and blended from back to front, instead of by following
@@ -134,6 +138,9 @@ pub(crate) fn validate(gpu: &Gpu, index: usize, grass: &Grass) -> Result<()> {
         grass.shown.iter().chain(&grass.soil).chain(&grass.scatter).chain([&grass.level_cover, &grass.soil_open]);
     if let Some(v) = tables.chain(rest).find(|v| !(v.is_finite() && **v >= 0.0)) {
         return wrong("tables", v.to_string(), "numbers of 0 or more");
+    }
+    if grass.irregular.is_some() && !grass.count.is_multiple_of(8) {
+        return wrong("count", grass.count.to_string(), "a multiple of 8 in an irregular lawn");
     }
     if grass.billboards && grass.gusts.is_some() {
         return wrong("billboards", "gusts".into(), "no wind");

@@ -5,6 +5,8 @@ use crate::Result;
 
 /// The largest number of rectangles in a lawn. Each is an instance for the path tracer.
 const MOST_TILES: usize = 1_000_000;
+/// The largest number of rectangles in an irregular lawn. Each has 64 instances.
+const MOST_IRREGULAR: usize = MOST_TILES / 64;
 /// The largest distance of a lawn's middle from the origin along x or y (mm). Single precision has steps of 1/16 mm
 /// there.
 const FARTHEST: f64 = 1e6;
@@ -45,9 +47,16 @@ pub fn grass(p: &Place) -> Result<()> {
         }
         p.range(HEADER, i, "steps", grass.steps as f64, [1.0, MOST_STEPS], "slices")?;
         p.range(HEADER, i, "lean_per_m_s", grass.lean_per_m_s, [0.0, 1.0], "of the height per m/s")?;
+        let irregular = grass.irregular_seed.is_some();
+        if irregular && grass.slices.is_some_and(|n| !n.is_multiple_of(8)) {
+            let found =
+                format!("found {:?}, expected a multiple of 8 beside irregular_seed", grass.slices.unwrap_or(0));
+            return Err(p.error(HEADER, i, "slices", found));
+        }
         let tiles = grass.tiles[0].saturating_mul(grass.tiles[1]);
-        if !(1..=MOST_TILES).contains(&tiles) {
-            let found = format!("found {:?}, expected 1 to {MOST_TILES} rectangles together", grass.tiles);
+        let most = if irregular { MOST_IRREGULAR } else { MOST_TILES };
+        if !(1..=most).contains(&tiles) {
+            let found = format!("found {:?}, expected 1 to {most} rectangles together", grass.tiles);
             return Err(p.error(HEADER, i, "tiles", found));
         }
     }

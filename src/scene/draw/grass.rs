@@ -5,6 +5,7 @@ use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_grass::optics::Optics;
+use mesophyll_flora::form::Leaf;
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::grass::Grass;
 use mesophyll_transport::{self as transport, lobe};
@@ -12,32 +13,44 @@ use rayon::prelude::*;
 #[cfg(feature = "render")]
 pub use slices::{lawn, seen_from_above};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// The largest number of triangles in all rectangles of a lawn in the wind, where each rectangle has its own blades.
 const MOST_TRIANGLES: usize = 40_000_000;
 
-/// Adds a lawn's blades to the path tracer's world, with one leaf for each material, in every rectangle. Where the wind
-/// leans the lawn, every rectangle has its own leaves, which [`lean`] moves.
+/// Adds a lawn's blades to the path tracer's world, with one leaf for each material and part, in every rectangle. Where
+/// the wind leans the lawn, every rectangle has its own leaves, which [`lean`] moves.
 ///
 /// # Errors
 /// [`Error::Input`] for a lawn in the wind with too many triangles.
 pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) -> Result<()> {
-    let triangles: usize = shapes(grass).map(|(_, shape)| shape.triangles()).sum();
     let places = grass.tiles[0] * grass.tiles[1];
-    if grass.leaning.is_some() && triangles.saturating_mul(places) > MOST_TRIANGLES {
-        let told = format!(
-            "found {:?} rectangles of {triangles} triangles in the wind, which leans each blade by itself for the path \
-             tracer; expected at most {MOST_TRIANGLES} triangles in all",
-            grass.tiles
-        );
-        return Err(Error::field(&manifest.path, &format!("grass \"{}\": tiles", grass.name), told));
+    if grass.leaning.is_some() {
+        let triangles: usize = materials(grass).map(|(name, _)| grass.plant.blades_of(name).triangles()).sum();
+        if triangles.saturating_mul(places) > MOST_TRIANGLES {
+            let told = format!(
+                "found {:?} rectangles of {triangles} triangles in the wind, which leans each blade by itself for the \
+                 path tracer; expected at most {MOST_TRIANGLES} triangles in all",
+                grass.tiles
+            );
+            return Err(Error::field(&manifest.path, &format!("grass \"{}\": tiles", grass.name), told));
+        }
     }
-    for (optics, shape) in shapes(grass) {
-        let leaf = world.leaves.len();
-        let own = if grass.leaning.is_some() { places } else { 1 };
-        world.leaves.extend(std::iter::repeat_n(blade(&shape, optics), own));
-        let at = |(k, transform)| transport::Placement { leaf: leaf + k % own, transform };
-        world.instances.extend(grass.places().enumerate().map(at));
+    for (name, optics) in materials(grass) {
+        if grass.leaning.is_some() {
+            for (transform, shape) in grass.places().zip(own(grass, name)) {
+                world.instances.push(transport::Placement { leaf: world.leaves.len(), transform });
+                world.leaves.push(blade(&shape, optics));
+            }
+            continue;
+        }
+        for (part, shape) in parts(grass, name) {
+            let leaf = world.leaves.len();
+            world.leaves.push(blade(&shape, optics));
+            let moved = |k| DMat4::from_translation(grass.moved(part, k));
+            let at = |(k, place)| transport::Placement { leaf, transform: place * moved(k) };
+            world.instances.extend(grass.places().enumerate().map(at));
+        }
     }
     Ok(())
 }
@@ -46,15 +59,15 @@ pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) 
 pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f64) {
     let mut next = first;
     for grass in lawns {
-        for (_, shape) in shapes(grass) {
+        for (name, _) in materials(grass) {
             let Some(leaning) = &grass.leaning else {
-                next += 1;
+                next += parts(grass, name).count();
                 continue;
             };
             let leaves = &mut world.leaves[next..next + grass.tiles[0] * grass.tiles[1]];
             next += leaves.len();
-            let places: Vec<DMat4> = grass.places().collect();
-            leaves.par_iter_mut().zip(places).for_each(|(leaf, place)| {
+            let places: Vec<(DMat4, Arc<LeafMesh>)> = grass.places().zip(own(grass, name)).collect();
+            leaves.par_iter_mut().zip(places).for_each(|(leaf, (place, shape))| {
                 let at = place.w_axis.truncate().with_z(0.0);
                 for (v, (point, normal)) in shape.positions.iter().zip(&shape.normals).enumerate() {
                     let (to, turned) = leaning.bent(*point + at, *normal, time);
@@ -65,13 +78,24 @@ pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f
     }
 }
 
-/// The blades of each material, with their optics.
-fn shapes(grass: &Grass) -> impl Iterator<Item = (&Optics, LeafMesh)> {
-    let materials: BTreeSet<&str> = grass.plant.blades.iter().map(|b| b.material.as_str()).collect();
-    materials.into_iter().filter_map(|material| {
-        let shape = grass.plant.blades_of(material);
-        Some((grass.leaves.get(material).filter(|_| !shape.indices.is_empty())?, shape))
-    })
+/// The materials of the blades, with their optics.
+fn materials(grass: &Grass) -> impl Iterator<Item = (&str, &Optics)> {
+    let named = |leaf: &Leaf| grass.plant.blades.get(leaf.blade).map(|blade| blade.material.as_str());
+    let materials: BTreeSet<&str> = grass.plant.leaves.iter().filter_map(named).collect();
+    materials.into_iter().filter_map(|material| Some((material, grass.leaves.get(material)?)))
+}
+
+/// The blades of a material in each part of the rectangle that has some.
+fn parts<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = (Option<[usize; 2]>, LeafMesh)> + 'a {
+    let shape = |part| grass.plant.blades_at(material, |leaf| grass.in_part(leaf, part));
+    grass.parts().into_iter().map(move |part| (part, shape(part))).filter(|(_, shape)| !shape.indices.is_empty())
+}
+
+/// The blades of a material in each rectangle. In an irregular lawn, every rectangle has others.
+fn own<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = Arc<LeafMesh>> + 'a {
+    let shape = |k| Arc::new(grass.plant.blades_at(material, |leaf| Some(grass.place_in(leaf, k))));
+    let alike = grass.irregular.is_none().then(|| shape(0));
+    (0..grass.tiles[0] * grass.tiles[1]).map(move |k| alike.clone().unwrap_or_else(|| shape(k)))
 }
 
 /// A matte sheet that is the same everywhere.
@@ -134,6 +158,7 @@ mod slices {
             open: table(through::open(slices, &light)),
             soil_open: through::open_ground(slices) as f32,
             gusts: grass.leaning.as_ref().map(|leaning| Arc::new(gusts(leaning))),
+            irregular: slices.irregular,
             billboards: false,
         }
     }

@@ -15,7 +15,8 @@ pub fn lawns(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()
     for grass in &placed.grass {
         let config = &manifest.grass[grass.index];
         let [nx, ny] = grass.tiles;
-        let why = format!("a lawn of {nx} x {ny} rectangles of {} blades each", grass.plant.leaves.len());
+        let moved = if grass.irregular.is_some() { ", with the meadow moved in each" } else { "" };
+        let why = format!("a lawn of {nx} x {ny} rectangles of {} blades each{moved}", grass.plant.leaves.len());
         let mut need = Need::new(format!("grass {}", grass.name), why);
         match &config.fit {
             Some(fit) => {

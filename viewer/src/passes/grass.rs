@@ -13,7 +13,16 @@ use crate::variant::{Lights, Surface, Variant};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// The constants of a lawn for the shader; see `grass.wgsl`.
+/// The shader: the lawn's data, the walk through its slices, their light, and the two ways to draw them.
+const SOURCE: [&str; 5] = [
+    include_str!("grass/lawn.wgsl"),
+    include_str!("grass/walk.wgsl"),
+    include_str!("grass/shade.wgsl"),
+    include_str!("grass/boards.wgsl"),
+    include_str!("grass/draw.wgsl"),
+];
+
+/// The constants of a lawn for the shader; see `grass/lawn.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 struct Uniform {
@@ -228,9 +237,11 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         .set("LEVEL_SLICE", grass.level.is_some())
         .set("WIND", grass.gusts.is_some())
         .set("BILLBOARDS", grass.billboards)
+        .set("IRREGULAR", grass.irregular.is_some())
         .constant("STEPS", grass.steps);
-    let parts = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl"), include_str!("grass.wgsl")];
-    (assemble(&parts.concat(), &defines), lights)
+    let defines = grass.irregular.iter().fold(defines, |all, seed| all.constant("IRREGULAR_SEED", *seed));
+    let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")];
+    (assemble(&(shared.concat() + &SOURCE.concat()), &defines), lights)
 }
 
 fn pipeline(gpu: &Gpu, scene: &Scene, grass: &Grass, own: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
@@ -317,7 +328,8 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
     };
     // Places are relative to the rectangle below the eye, because single precision is most accurate there.
     let period = Vec2::from(grass.period);
-    let shift = ((camera.eye - grass.origin).truncate() / period).round() * period;
+    let number = ((camera.eye - grass.origin).truncate() / period).round();
+    let shift = number * period;
     let (low, high) = (grass.low - shift, grass.high - shift);
     let base = grass.origin + shift.extend(0.0);
     let (lean, turn) = grass.gusts.as_ref().map_or_else(Default::default, |g| {
@@ -334,8 +346,8 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
         upright: sheet(&grass.upright),
         level: grass.level.as_ref().map_or([0.0; 4], sheet),
         shown: [grass.shown[0], grass.shown[1], grass.soil_open, pixel],
-        soil: rgb(grass.soil),
-        scatter: rgb(grass.scatter),
+        soil: Vec3::from(grass.soil).extend(number.x).to_array(),
+        scatter: Vec3::from(grass.scatter).extend(number.y).to_array(),
         below: rgb(dome.and_then(|d| Some(d.ground?.map(|v| v * d.strength))).unwrap_or_default()),
         rays: rays.map(|v| v.extend(0.0).to_array()),
         tables: [&grass.projection, &grass.cover, &grass.open, &sunlit].map(packed),
@@ -346,19 +358,24 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
 mod tests {
     use super::*;
 
-    /// A lawn that no wind leans is compiled without any code for it.
+    /// A lawn that no wind leans, and whose rectangles are all alike, is compiled without any code for either.
     #[test]
-    fn no_wind_no_shear() {
-        let words = ["leaning", "unleant", "gusts", "leans"];
-        let lines = |wind: bool| {
-            let defines = crate::shader::Defines::default().set("WIND", wind).constant("STEPS", 64);
-            let source = assemble(include_str!("grass.wgsl"), &defines);
+    fn no_code_for_what_a_lawn_does_not_have() {
+        let lines = |name: &'static str, on: bool| {
+            let defines = crate::shader::Defines::default().set(name, on).constant("STEPS", 64);
+            let source = assemble(&SOURCE.concat(), &defines);
             let own = source.lines().filter(|l| !l.trim().is_empty() && !l.trim().starts_with("//"));
             own.map(str::to_string).collect::<Vec<_>>()
         };
-        let (still, windy) = (lines(false), lines(true));
-        let count = |lines: &[String]| lines.iter().filter(|l| words.iter().any(|w| l.contains(w))).count();
-        assert_eq!(count(&still), 0);
-        assert!(count(&windy) >= 10 && windy.len() >= still.len() + 20, "{} {}", windy.len(), still.len());
+        for (name, words, least) in [
+            ("WIND", &["leaning", "unleant", "gusts", "leans"][..], [10, 20]),
+            ("IRREGULAR", &["shifted", "IRREGULAR_SEED", "SHIFTS"], [5, 15]),
+        ] {
+            let (without, with) = (lines(name, false), lines(name, true));
+            let count = |lines: &[String]| lines.iter().filter(|l| words.iter().any(|w| l.contains(w))).count();
+            assert_eq!(count(&without), 0, "{name}");
+            let found = [count(&with), with.len() - without.len()];
+            assert!(found[0] >= least[0] && found[1] >= least[1], "{name}: {found:?}");
+        }
     }
 }
