@@ -14,11 +14,13 @@ pub enum Kind {
     Dome,
     /// Photographs of one side while beams fall on the other.
     Beams,
+    /// Photographs in open shade and on a light table.
+    Photo,
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 3] = [Kind::Tube, Kind::Dome, Kind::Beams];
+    pub const ALL: [Kind; 4] = [Kind::Tube, Kind::Dome, Kind::Beams, Kind::Photo];
 
     /// What the field `kind` says. A scan under a tube has no such field.
     pub fn field(self) -> Option<&'static str> {
@@ -26,6 +28,7 @@ impl Kind {
             Kind::Tube => None,
             Kind::Dome => Some("dome"),
             Kind::Beams => Some("beams"),
+            Kind::Photo => Some("photo"),
         }
     }
 
@@ -34,13 +37,14 @@ impl Kind {
             Kind::Tube => "a scan under a linear light source",
             Kind::Dome => "photographs under a dome and height scans",
             Kind::Beams => "photographs of the light that comes through",
+            Kind::Photo => "photographs in open shade and on a light table",
         }
     }
 
     /// The verb that fits this kind.
     fn way_on(self) -> &'static str {
         match self {
-            Kind::Tube | Kind::Dome => "mesophyll fit leaf",
+            Kind::Tube | Kind::Dome | Kind::Photo => "mesophyll fit leaf",
             Kind::Beams => "mesophyll fit tissue",
         }
     }
@@ -101,7 +105,7 @@ fn other_kind(table: &toml::Table, expected: Kind) -> String {
     };
     let wanted = match (expected, kind) {
         (Kind::Tube, None) => {
-            format!("\"dome\", \"beams\", or no kind for {}", expected.in_words())
+            format!("\"dome\", \"photo\", \"beams\", or no kind for {}", expected.in_words())
         }
         (Kind::Tube, Some(_)) => format!("{}, which has no kind", expected.in_words()),
         (other, _) => format!("\"{}\" ({})", other.field().unwrap_or_default(), other.in_words()),
@@ -124,6 +128,7 @@ mod tests {
             (Kind::Tube, "[tube]\nheight_mm = 1\n"),
             (Kind::Dome, "kind = \"dome\"\n"),
             (Kind::Beams, "kind = \"beams\"\n"),
+            (Kind::Photo, "kind = \"photo\"\n"),
         ];
         for (found, text) in texts {
             std::fs::write(dir.path().join("capture.toml"), text).unwrap();

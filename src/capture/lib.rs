@@ -13,6 +13,7 @@ pub mod inspect;
 pub mod kind;
 pub mod lightbox;
 pub mod manifest;
+pub mod photo;
 pub mod pigments;
 pub mod reader;
 pub mod synth;

@@ -64,6 +64,13 @@ pub fn mask_from_transmission(ratio: &[[f32; 3]], width: usize, height: usize) -
 
 /// Removes 4-connected pieces smaller than 1 % of the largest.
 fn keep_large_pieces(inside: &[bool], width: usize, height: usize) -> Vec<bool> {
+    let (label, sizes) = pieces(inside, width, height);
+    let largest = sizes.iter().copied().max().unwrap_or(0);
+    label.iter().map(|&l| l != 0 && sizes[l as usize] * 100 >= largest).collect()
+}
+
+/// The 4-connected pieces of `inside`: the number of each texel's piece, 0 for none, and the texels of each piece.
+pub(crate) fn pieces(inside: &[bool], width: usize, height: usize) -> (Vec<u32>, Vec<usize>) {
     let mut label = vec![0u32; inside.len()];
     let mut sizes = vec![0usize];
     let mut stack = Vec::new();
@@ -85,8 +92,7 @@ fn keep_large_pieces(inside: &[bool], width: usize, height: usize) -> Vec<bool> 
             }
         }
     }
-    let largest = sizes.iter().copied().max().unwrap_or(0);
-    label.iter().map(|&l| l != 0 && sizes[l as usize] * 100 >= largest).collect()
+    (label, sizes)
 }
 
 #[cfg(test)]

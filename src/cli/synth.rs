@@ -1,5 +1,6 @@
 //! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would, photographs
-//! it under a dome and scans its heights, or photographs the light that comes through it.
+//! it under a dome and scans its heights, photographs the light that comes through it, or photographs it in open shade
+//! and on a light table.
 
 use super::Common;
 use crate::named::named;
@@ -8,6 +9,7 @@ use mesophyll_capture::beams::manifest::Beam;
 use mesophyll_capture::beams::synth as beams;
 use mesophyll_capture::dome::synth as dome;
 use mesophyll_capture::manifest::Travel;
+use mesophyll_capture::photo::synth as photo;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan::{self, Options};
 use mesophyll_capture::synth::spec::{Model, Spec};
@@ -19,7 +21,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  mesophyll synth data/leaves/elm.toml -o out/elm\n  \
     mesophyll synth data/leaves/balata.toml -o out/balata --size 240x180 --frames 60 --noise 0\n  \
     mesophyll synth data/leaves/elm.toml -o out/elm-dome --acquisition dome --patch-mm 20 --size 256x256\n  \
-    mesophyll synth data/leaves/elm.toml -o out/elm-beams --acquisition beams --patch-mm 12 --size 128x128\n\n\
+    mesophyll synth data/leaves/elm.toml -o out/elm-beams --acquisition beams --patch-mm 12 --size 128x128\n  \
+    mesophyll synth data/leaves/elm.toml -o out/elm-photo --acquisition photo\n\n\
     The specification and the capture it becomes are described in data/README.md.")]
 pub struct Args {
     /// Leaf specification
@@ -88,6 +91,8 @@ pub enum Acquisition {
     Dome,
     /// Photographs of one side while narrow beams fall on the other
     Beams,
+    /// Photographs of both sides in open shade, with a grey card and a ruler, and on a light table
+    Photo,
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -96,11 +101,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::argument("--noise", args.noise, "0 to 1"));
     }
     use Acquisition::{Beams, Dome, Tube};
-    let options: [(&str, bool, &[Acquisition], &str); 6] = [
+    let options: [(&str, bool, &[Acquisition], &str); 7] = [
         ("--frames", args.frames.is_some(), &[Tube], "tube"),
         ("--passes", args.passes.is_some(), &[Tube], "tube"),
         ("--raw-exposures", args.raw_exposures, &[Tube], "tube"),
         ("--patch-at", args.patch_at.is_some(), &[Dome, Beams], "dome or beams"),
+        ("--patch-mm", args.patch_mm.is_some(), &[Tube, Dome, Beams], "tube, dome or beams"),
         ("--height-noise", args.height_noise.is_some(), &[Dome], "dome"),
         ("--beam", !args.beam.is_empty(), &[Beams], "beams"),
     ];
@@ -113,6 +119,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         Acquisition::Tube => tube(args, common, width, height),
         Acquisition::Dome => under_dome(args, common, width, height),
         Acquisition::Beams => under_beams(args, common, width, height),
+        Acquisition::Photo => in_shade(args, common, width, height),
     }
 }
 
@@ -120,7 +127,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn slab(args: &Args, spec: &Spec) -> Result<Model> {
     match spec.truth(&args.spec, args.model)? {
         Model::Foliar => Err(Error::Usage(
-            "--acquisition dome and beams spread light sideways by σa and σs, which the model foliar does not have; \
+            "--acquisition dome, beams and photo spread light sideways by σa and σs, which the model foliar does not have; \
              expected --acquisition tube, or --model exact with a specification that has [interior]"
                 .into(),
         )),
@@ -166,6 +173,38 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
             "{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf",
             args.out.display(),
             manifest.texel_mm
+        ));
+    }
+    Ok(0)
+}
+
+/// Narrowest pictures in which leaf, card and ruler have room (pixels).
+const PHOTO: [usize; 2] = [96, 72];
+
+fn in_shade(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+    if width < PHOTO[0] || height < PHOTO[1] {
+        let expected = format!("at least {}x{} for leaf, card and ruler", PHOTO[0], PHOTO[1]);
+        return Err(Error::argument("--size", format!("{width}x{height}"), &expected));
+    }
+    let spec = Spec::read(&args.spec)?;
+    let options = photo::Options { width, height, noise: args.noise, seed: args.seed, model: slab(args, &spec)? };
+    let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
+    progress::say(format!("growing {} ({})", spec.name, spec.species));
+    let blade = photo::grow(&spec, &options)?.ok_or_else(|| {
+        Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size"))
+    })?;
+    let manifest = claim::capturing(&args.out, || photo::capture(&spec, &blade, &options, &args.out))?;
+    let texels = blade.leaf.mask.iter().filter(|m| **m).count();
+    if common.json {
+        super::print_json(&serde_json::json!({
+            "capture": args.out, "kind": manifest.kind, "name": manifest.name, "width": width, "height": height,
+            "texel_mm": blade.leaf.texel_mm, "texels": texels, "thickness_mm": manifest.thickness_mm,
+        }))?;
+    } else {
+        progress::say(format!(
+            "{}: four photographs of {width}x{height} pixels of {:.3} mm, {texels} on the leaf",
+            args.out.display(),
+            blade.leaf.texel_mm
         ));
     }
     Ok(0)

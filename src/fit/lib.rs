@@ -6,6 +6,7 @@ pub mod dome;
 pub mod foliar;
 pub mod gloss;
 pub mod leaf;
+pub mod photo;
 pub mod slab;
 
 pub(crate) use mesophyll_error::{Error, Result};

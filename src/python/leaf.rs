@@ -8,6 +8,7 @@ use mesophyll_files::progress;
 use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
 use mesophyll_fit::leaf::{self, Options};
+use mesophyll_fit::photo;
 use mesophyll_record::FitRecord;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -69,6 +70,7 @@ pub fn leaf_fit(
         progress::set_quiet(quiet);
         let outcome = match Kind::of(&capture) {
             Ok(Some(Kind::Dome)) => dome::run(&capture, &out, &dome::Options { gloss, force }),
+            Ok(Some(Kind::Photo)) => photo::run(&capture, &out, force),
             _ => leaf::run(&capture, &out, &options),
         };
         progress::set_quiet(true);

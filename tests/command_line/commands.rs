@@ -64,7 +64,8 @@ const LEFT_OUT: [(&str, &str); 30] = [
 ];
 
 /// Commands that are made smaller for the test: the printed words, and the words that are run instead.
-const SMALLER: [(&str, &str); 12] = [
+const SMALLER: [(&str, &str); 13] = [
+    ("--acquisition photo --size 960x720", "--acquisition photo --size 160x120"),
     ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),
     ("--size 120x90 --frames 60", "--size 48x36 --frames 40"),
@@ -216,6 +217,11 @@ fn the_commands_of_the_export_page_run() {
 }
 
 #[test]
+fn the_commands_of_the_photo_page_run() {
+    assert_eq!(run_page("docs/photo.md", false), [5, 0]);
+}
+
+#[test]
 fn the_commands_of_the_plants_page_run() {
     assert_eq!(run_page("docs/plants.md", false), [10, 0]);
 }
@@ -240,6 +246,7 @@ fn the_list_of_what_is_left_out_is_true() {
             "tutorials.md",
             "good.md",
             "export.md",
+            "photo.md",
         ]
         .iter()
         .any(|page| file.ends_with(page));

@@ -11,6 +11,7 @@ mod fits;
 mod held_out;
 mod inspect;
 mod leaf_fit;
+mod photo;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod scan_model;

@@ -213,7 +213,8 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     Ok(manifest)
 }
 
-fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
+/// The true maps of a side: those of the leaf, and what its photographs show of it.
+pub(crate) fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
     let mask = blade.leaf.mask_of(name);
     let mut maps = blade.leaf.truth(name);
     for c in 0..3 {
@@ -266,12 +267,6 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
     let met = smooth(&thickness, &weight, leaf.width, &Kernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
     let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
     let slip = if exact { 0.0 } else { CALIPER_MM * Stream::new(options.seed, &[23]).normal_pair()[0] };
-    // The refractive index of a smooth surface that mirrors as much along its normal as this one does.
-    let fresnel = spec.lobe.index().map_or(1.0, |index| ((index - 1.0) / (index + 1.0)).powi(2));
-    let index = [&spec.front, &spec.back].map(|s| {
-        let r = (s.rho_s * fresnel).min(0.15).sqrt();
-        (100.0 * (1.0 + r) / (1.0 - r)).round() / 100.0
-    });
     Manifest {
         schema: 1,
         kind: Kind::Dome.field().unwrap_or_default().into(),
@@ -289,7 +284,16 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
         height_filter_mm: if exact { 0.0 } else { FILTER_MM },
         full_scale: None,
         white_reflectance: 1.0,
-        highlight_index: Some(index),
+        highlight_index: Some(index_of(spec)),
         sides: vec![Side::Front, Side::Back],
     }
+}
+
+/// The refractive index of a smooth surface that mirrors as much along its normal as each side does, to two digits.
+pub(crate) fn index_of(spec: &Spec) -> [f64; 2] {
+    let fresnel = spec.lobe.index().map_or(1.0, |index| ((index - 1.0) / (index + 1.0)).powi(2));
+    [&spec.front, &spec.back].map(|s| {
+        let r = (s.rho_s * fresnel).min(0.15).sqrt();
+        (100.0 * (1.0 + r) / (1.0 - r)).round() / 100.0
+    })
 }

@@ -1,4 +1,4 @@
-//! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube and captures under a dome.
+//! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube, captures under a dome, and photographs.
 
 use super::gloss::LobeArgs;
 use crate::named::named;
@@ -9,6 +9,7 @@ use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
 use mesophyll_fit::leaf::texels::Shard;
 use mesophyll_fit::leaf::{Method, Options, run as fit};
+use mesophyll_fit::photo;
 use mesophyll_record::FitRecord;
 use mesophyll_record::maker::Outcome;
 use std::path::PathBuf;
@@ -19,6 +20,7 @@ use std::path::PathBuf;
   mesophyll fit leaf scan/elm -o out/elm --method paper       the reduction as Wang et al. 2005 print it
   mesophyll fit leaf scan/elm -o out/elm --shard 1/4          one of four processes; then --merge
   mesophyll fit leaf dome/elm -o out/elm --gloss 1.4,0.3      a capture under a dome
+  mesophyll fit leaf photo/elm -o out/elm                     photographs; docs/photo.md says how to take them
 
 A run that was stopped goes on where it was when the same command is given again.")]
 pub struct Args {
@@ -75,17 +77,32 @@ fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
         .ok_or_else(|| "expected 0 (none) or 2 to 10000".into())
 }
 
-/// A capture under a dome has no tube, so shards, lobes and the paper's reduction do not apply.
-fn from_dome(args: &Args) -> Result<Outcome> {
+/// Refuses the options of scans under a tube: `what` has no tube, so shards, lobes and the paper's reduction do not
+/// apply.
+fn without_tube(args: &Args, what: &str) -> Result<()> {
     let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
     if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, Method::Paper) {
         return Err(Error::Usage(format!(
-            "{}: a capture under a dome has no traces to fit and no frames to leave out; --shard, --merge, \
-             --no-robust, --hold-out and --method \
-             paper are for scans under a tube",
+            "{}: {what} no traces to fit and no frames to leave out; --shard, --merge, --no-robust, --hold-out and \
+             --method paper are for scans under a tube",
             args.capture.display()
         )));
     }
+    Ok(())
+}
+
+fn from_photographs(args: &Args) -> Result<Outcome> {
+    without_tube(args, "photographs have")?;
+    if args.gloss.is_some() {
+        return Err(Error::Usage(
+            "--gloss is for captures under a dome; [gloss] in capture.toml is for photographs".into(),
+        ));
+    }
+    photo::run(&args.capture, &args.output, args.force)
+}
+
+fn from_dome(args: &Args) -> Result<Outcome> {
+    without_tube(args, "a capture under a dome has")?;
     let gloss = match args.gloss.as_deref() {
         None => None,
         Some([n, m]) if (1.0..=3.0).contains(n) && *m > 0.0 && *m <= 1.0 => Some([*n, *m]),
@@ -118,8 +135,11 @@ fn from_tube(args: &Args) -> Result<Outcome> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let outcome =
-        if matches!(Kind::of(&args.capture), Ok(Some(Kind::Dome))) { from_dome(args)? } else { from_tube(args)? };
+    let outcome = match Kind::of(&args.capture) {
+        Ok(Some(Kind::Dome)) => from_dome(args)?,
+        Ok(Some(Kind::Photo)) => from_photographs(args)?,
+        _ => from_tube(args)?,
+    };
     let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
     if common.json {
         print_json(&*record)?
@@ -132,6 +152,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// A table for people: counts, shared parameters, and what is undetermined.
 fn summary(record: &FitRecord) -> String {
     let mut text = String::new();
+    for name in ["thickness", "gloss", "normal", "scale"] {
+        if let Some(said) =
+            record.options.get(name).filter(|_| record.options.get("capture_kind").is_some_and(|k| k == "photo"))
+        {
+            text += &format!("{} {name}: {said}\n", record.name);
+        }
+    }
     for (name, section) in &record.sections {
         if section.params.is_empty() {
             continue;

@@ -2,6 +2,7 @@
 
 mod beams;
 mod dome;
+mod photo;
 
 use super::Common;
 use crate::{Error, Result};
@@ -30,6 +31,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match Kind::of(&args.capture).ok().flatten() {
         Some(Kind::Dome) => return dome::run(args, common),
         Some(Kind::Beams) => return beams::run(args, common),
+        Some(Kind::Photo) => return photo::run(args, common),
         _ => {}
     }
     let found = inspect(&args.capture, args.deep)?;

@@ -5,7 +5,7 @@
 //!
 //! A dome does not show gloss. The caller states its refractive index and slope, or gloss is left out.
 
-mod output;
+pub(crate) mod output;
 mod slab;
 
 use crate::leaf::curve::Incidence;

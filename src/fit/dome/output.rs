@@ -199,8 +199,13 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
 
 /// Errors to the truth of a synthetic capture, by quantity, over the good texels.
 fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Result<BTreeMap<String, TruthError>> {
+    let truth = capture.truth(fitted.side)?;
+    Ok(truth.map(|truth| judged(&truth, &fitted.status, values, errors)).unwrap_or_default())
+}
+
+/// The same from the true maps and the status of every texel.
+pub fn judged(truth: &Maps, status: &[i16], values: &Maps, errors: &Maps) -> BTreeMap<String, TruthError> {
     let mut out = BTreeMap::new();
-    let Some(truth) = capture.truth(fitted.side)? else { return Ok(out) };
     // The camera saw light that had scattered sideways through neighbouring texels. The fit is compared with what was
     // measured, not with the slab of each texel alone.
     let pairs = [
@@ -216,7 +221,7 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
             else {
                 continue;
             };
-            for k in (0..t.len()).filter(|&k| fitted.status[k] == 1 && t[k] != 0.0) {
+            for k in (0..t.len()).filter(|&k| status[k] == 1 && t[k] != 0.0) {
                 let (t, v, e) = (f64::from(t[k]), f64::from(v[k]), f64::from(e[k]));
                 relative.push((v / t - 1.0).abs());
                 judged += 1;
@@ -232,5 +237,5 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
             );
         }
     }
-    Ok(out)
+    out
 }

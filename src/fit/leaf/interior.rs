@@ -307,7 +307,7 @@ impl Good {
 }
 
 /// A start from the leaf's median reflectance and transmittance a channel.
-fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
+pub fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|c: usize| {
         let d = outliers::median(texels.iter().map(|x| x.rho_d[c]).collect());
         let t = outliers::median(texels.iter().map(|x| x.rho_t[c]).collect()).max(1e-4);

@@ -18,15 +18,41 @@ pub const APART: &str = "apart";
 /// ln(front/back) divided by the combined standard error.
 pub const APART_IN_ERRORS: &str = "apart_in_errors";
 
+/// What one side says about the interior: σa and σs with relative standard errors, a channel each.
+pub struct Estimates<'a> {
+    /// Absorption coefficient (1/mm).
+    pub sigma_a: [f64; 3],
+    /// Scattering coefficient (1/mm).
+    pub sigma_s: [f64; 3],
+    /// Relative standard errors of σa.
+    pub sigma_a_rel: &'a mut [f64; 3],
+    /// Relative standard errors of σs.
+    pub sigma_s_rel: &'a mut [f64; 3],
+}
+
+fn of(side: &mut Fitted) -> Estimates<'_> {
+    Estimates {
+        sigma_a: side.sigma_a,
+        sigma_s: side.sigma_s,
+        sigma_a_rel: &mut side.sigma_a_rel,
+        sigma_s_rel: &mut side.sigma_s_rel,
+    }
+}
+
+/// [`widen`] for the sides of a scan.
+pub fn compare(done: &mut [Fitted], caliper: f64, record: &mut FitRecord) {
+    let [front, back] = done else { return };
+    widen(of(front), of(back), caliper, record);
+}
+
 /// Widens both sides' relative errors by the part of their difference that noise does not explain, and records the
 /// difference. `caliper` is the relative standard error of h. Both sides share it, so it says nothing about their
 /// difference.
-pub fn compare(done: &mut [Fitted], caliper: f64, record: &mut FitRecord) {
-    let [front, back] = done else { return };
+pub fn widen(front: Estimates, back: Estimates, caliper: f64, record: &mut FitRecord) {
     let mut section = Section::default();
     let quantities = [
-        ("sigma_a", front.sigma_a, back.sigma_a, &mut front.sigma_a_rel, &mut back.sigma_a_rel),
-        ("sigma_s", front.sigma_s, back.sigma_s, &mut front.sigma_s_rel, &mut back.sigma_s_rel),
+        ("sigma_a", front.sigma_a, back.sigma_a, front.sigma_a_rel, back.sigma_a_rel),
+        ("sigma_s", front.sigma_s, back.sigma_s, front.sigma_s_rel, back.sigma_s_rel),
     ];
     for (name, a, b, a_rel, b_rel) in quantities {
         for (c, letter) in RGB.into_iter().enumerate() {

@@ -1,0 +1,21 @@
+//! A leaf without a laboratory: photographs of both sides in open shade and of the leaf on a light table, with a grey
+//! card and a ruler in the picture. How to take them: `docs/photo.md`.
+//!
+//! Open shade lights the leaf from the whole hemisphere, and the camera looks along its normal. So a photograph
+//! measures the hemispherical-directional reflectance factor; by reciprocity it is the share of a beam along the normal
+//! that the leaf reflects, which is the slab's ρd plus what the surface mirrors. The light table measures the slab's
+//! ρt in the same way.
+
+mod inspect;
+mod light;
+pub mod manifest;
+mod outline;
+pub mod picture;
+pub mod reduce;
+mod register;
+mod ruler;
+pub mod synth;
+
+pub use inspect::{Inspection, inspect};
+pub use manifest::Manifest;
+pub use reduce::{Defect, Reduced, reduce};

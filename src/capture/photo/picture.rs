@@ -1,0 +1,139 @@
+//! A photograph in memory: linear light, with pixels that are clipped (+∞) or without a reading (NaN).
+
+use super::manifest::{Manifest, Transfer};
+use crate::{Error, Result};
+use mesophyll_files::image::{Maps, exr_info, read_exr_rows};
+use mesophyll_files::{atomic, memory};
+use std::path::{Path, PathBuf};
+
+/// Largest picture that is read (pixels); larger ones can be developed smaller.
+const PIXELS: usize = 120_000_000;
+/// Share of the largest number of an integer file from which a reading counts as clipped.
+const CLIPPED: f32 = 0.998;
+
+/// A photograph, row-major, row 0 on top.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// Pixels a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Linear readings; +∞ where a channel is clipped, NaN where there is none.
+    pub pixels: Vec<[f32; 3]>,
+    /// The highest reading that is not clipped, and the number of readings that share it: many where a sensor clips
+    /// without a stated full scale.
+    pub highest: (f32, usize),
+}
+
+impl Picture {
+    /// Reads an EXR, a 16-bit PNG or a 16-bit TIFF file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel, or
+    /// too large.
+    pub fn read(path: &Path, manifest: &Manifest) -> Result<Picture> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let (width, height, mut pixels) = match extension.as_str() {
+            "exr" => exr(path)?,
+            "png" | "tif" | "tiff" => integers(path, manifest.transfer)?,
+            _ => {
+                let expected = "an .exr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
+                return Err(Error::input(path, format!("found a file of another kind, expected {expected}")));
+            }
+        };
+        let full = manifest.full_scale.map_or(f32::INFINITY, |full| full as f32);
+        let mut highest = (f32::MIN, 0);
+        for value in pixels.as_flattened_mut() {
+            if *value >= full {
+                *value = f32::INFINITY;
+            } else if *value > highest.0 {
+                highest = (*value, 1);
+            } else if *value == highest.0 {
+                highest.1 += 1;
+            }
+        }
+        if highest.1 == 0 {
+            return Err(Error::input(path, "no reading anywhere: every pixel is clipped or NaN"));
+        }
+        Ok(Picture { path: path.into(), width, height, pixels, highest })
+    }
+
+    /// The mean of the three channels, which is not finite where one is not.
+    pub fn grey(&self, k: usize) -> f32 {
+        self.pixels[k].iter().sum::<f32>() / 3.0
+    }
+
+    /// Share of the pixels of `rectangle` (left, top, width, height; inside the picture) that are clipped. A value that
+    /// many readings of the picture share as their highest counts as clipped.
+    pub fn clipped(&self, rectangle: [usize; 4]) -> f64 {
+        let [left, top, width, height] = rectangle;
+        let top_value = if self.highest.1 > 8 + self.pixels.len() / 2000 { self.highest.0 } else { f32::INFINITY };
+        let at = (top..top + height).flat_map(|j| (left..left + width).map(move |i| (i, j)));
+        let count = at.filter(|&(i, j)| self.pixels[j * self.width + i].iter().any(|v| *v >= top_value)).count();
+        count as f64 / (width * height).max(1) as f64
+    }
+
+    /// The value at a place between pixels (pixel (i, j) has its centre at (i + ½, j + ½)), weighted linearly. NaN
+    /// outside and beside pixels without a reading, +∞ beside clipped ones.
+    pub fn at(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        let (x, y) = (x - 0.5, y - 0.5);
+        if !(x >= 0.0 && y >= 0.0 && x <= (self.width - 1) as f64 && y <= (self.height - 1) as f64) {
+            return [f64::NAN; 3];
+        }
+        let (i, j) = ((x as usize).min(self.width.max(2) - 2), (y as usize).min(self.height.max(2) - 2));
+        let (u, v) = (x - i as f64, y - j as f64);
+        let mut sum = [0.0; 3];
+        for (di, dj, w) in [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)]
+        {
+            if w > 1e-9 {
+                let pixel = self.pixels[(j + dj) * self.width + i + di];
+                (0..3).for_each(|c| sum[c] += w * f64::from(pixel[c]));
+            }
+        }
+        sum
+    }
+}
+
+fn too_large(path: &Path, width: usize, height: usize) -> Result<()> {
+    if width < 16 || height < 16 || width.saturating_mul(height) > PIXELS {
+        let expected = format!("at least 16 by 16 and at most {PIXELS} pixels");
+        return Err(Error::input(path, format!("found {width}x{height} pixels, expected {expected}")));
+    }
+    memory::require(24 * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
+}
+
+fn exr(path: &Path) -> Result<(usize, usize, Vec<[f32; 3]>)> {
+    let info = exr_info(path)?;
+    too_large(path, info.width, info.height)?;
+    let maps: Maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
+    Ok((maps.width, maps.height, crate::reader::interleave(&maps)))
+}
+
+fn integers(path: &Path, transfer: Transfer) -> Result<(usize, usize, Vec<[f32; 3]>)> {
+    let broken = |e: &dyn std::fmt::Display| Error::input(path, format!("not a readable picture: {e}"));
+    let open = || -> Result<image::ImageReader<_>> {
+        image::ImageReader::open(path)
+            .and_then(image::ImageReader::with_guessed_format)
+            .map_err(|e| Error::input(path, atomic::explain(&e)))
+    };
+    let (width, height) = open()?.into_dimensions().map_err(|e| broken(&e))?;
+    too_large(path, width as usize, height as usize)?;
+    let image = open()?.decode().map_err(|e| broken(&e))?;
+    if !matches!(image.color(), image::ColorType::Rgb16 | image::ColorType::Rgba16) {
+        let found = format!("found {:?}", image.color());
+        return Err(Error::input(path, format!("{found}, expected three colours with 16 bits a channel")));
+    }
+    let image = image.into_rgb16();
+    let decode = |v: u16| {
+        let v = f32::from(v) / f32::from(u16::MAX);
+        match transfer {
+            _ if v >= CLIPPED => f32::INFINITY,
+            Transfer::Linear => v,
+            Transfer::Srgb if v <= 0.040_45 => v / 12.92,
+            Transfer::Srgb => ((v + 0.055) / 1.055).powf(2.4),
+        }
+    };
+    Ok((width as usize, height as usize, image.pixels().map(|p| p.0.map(decode)).collect()))
+}
