@@ -87,3 +87,37 @@ pub fn scale(picture: &Picture, ruler: &Ruler) -> Scale {
     let err = 3f64.sqrt() / PI * noise / cycles;
     Scale { pixel_mm: cycles * tick_mm / length, relative_err: err.hypot(PRINTED), by_ticks: true }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ticks 7.31 pixels apart along a slanted line, under noise. The marks are clicked up to a pixel and a half off; the
+    /// ticks give the scale to the printed accuracy. Without ticks the marks give it, at their own error.
+    #[test]
+    fn ticks_refine_what_the_marks_say() {
+        let (width, height) = (420, 60);
+        let along = [0.998_f64, 0.0632];
+        let drawn = |ticks: bool| {
+            let mut state = 1u64;
+            let pixel = |k: usize| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                let noise = 0.1 * ((state >> 40) as f64 / (1u64 << 24) as f64 - 0.5);
+                let [x, y] = [(k % width) as f64 + 0.5, (k / width) as f64 + 0.5];
+                let phase = (x * along[0] + y * along[1]) / 7.31;
+                let dark = if ticks && phase - phase.floor() < 0.3 { 0.5 } else { 0.0 };
+                [(0.8 - dark + noise) as f32; 3]
+            };
+            let pixels = (0..width * height).map(pixel).collect();
+            Picture { path: "ruler.exr".into(), width, height, pixels, highest: (0.85, 1) }
+        };
+        let place = |s: f64, off: f64| [20.0 + (s + off) * along[0], 15.0 + (s + off) * along[1]];
+        let marks_px = [place(0.0, -1.2), place(50.0 * 7.31, 1.5)];
+        let ruler = Ruler { marks_px, length_mm: 50.0, tick_mm: Some(1.0), err_px: 1.0 };
+        let (fine, coarse) = (scale(&drawn(true), &ruler), scale(&drawn(false), &ruler));
+        assert!(fine.by_ticks && !coarse.by_ticks, "{fine:?} {coarse:?}");
+        assert!((fine.pixel_mm * 7.31 - 1.0).abs() < 3.0 * fine.relative_err, "{fine:?}");
+        assert!(fine.relative_err < 0.5 * coarse.relative_err, "{fine:?} {coarse:?}");
+        assert!((coarse.pixel_mm * 7.31 - 1.0).abs() < 3.0 * coarse.relative_err, "{coarse:?}");
+    }
+}
