@@ -13,6 +13,7 @@
 
 pub mod bake;
 pub mod blades;
+pub mod hill;
 pub mod judge;
 pub mod march;
 pub mod optics;

@@ -130,9 +130,18 @@ impl Slices {
             return [1.0, 1.0];
         }
         let d = d.normalize_or_zero();
+        self.shares(d, d.z)
+    }
+
+    /// The same for a unit vector `d` over ground that is not level. `falls` is how fast the ray's height over the ground
+    /// changes. The level slice lies as the ground does and is crossed so much more or less often.
+    pub fn shares(&self, d: DVec3, falls: f64) -> [f64; 2] {
+        if !self.weighted {
+            return [1.0, 1.0];
+        }
         let wanted = shown(&self.projection, d.z);
         let upright = self.shown[0] * (d.x.abs() + d.y.abs());
-        let level = self.shown[1] * d.z.abs();
+        let level = self.shown[1] * falls.abs();
         // Slices that show nothing get the share 0. It would be 0/0 otherwise.
         let share = |of: f64, all: f64| match of {
             of if of <= 0.0 => 0.0,

@@ -19,7 +19,7 @@ pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use plant::{
-    BranchOverride, Flutter, GRAINS_A_TILE, Ground, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
+    BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
 };
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 

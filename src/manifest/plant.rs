@@ -185,6 +185,21 @@ pub struct Ground {
     pub grain_mm: Option<f64>,
     /// Standard deviation of the logarithm of the reflectance, where there is a grain; .4 when absent.
     pub contrast: Option<f64>,
+    /// A hill on it. Lawns follow it; plants and leaves stand where they are stated.
+    pub hill: Option<Hill>,
+}
+
+/// A hill in the shape of a Gaussian, or a hollow.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hill {
+    /// Height of its top over the ground; less than 0 in a hollow.
+    pub height_mm: f64,
+    /// Distance from the top at which it is steepest, the standard deviation of the Gaussian.
+    pub radius_mm: f64,
+    /// The place of its top.
+    #[serde(default)]
+    pub position_mm: [f64; 2],
 }
 
 /// Number of grains along a side of the square after which the ground's pattern repeats.

@@ -5,6 +5,7 @@ use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll_fit_grass::blades::Meadow;
+use mesophyll_fit_grass::hill::Hill;
 use mesophyll_fit_grass::march::{SHIFTS, Slices, shifted};
 use mesophyll_fit_grass::optics::{self, Leaves};
 use mesophyll_fit_grass::{Options, baked, counted, fits_memory, folder, plant, weights};
@@ -45,6 +46,8 @@ pub struct Grass {
     pub height: f64,
     /// The seed by which the meadow is moved in each rectangle of an irregular lawn.
     pub irregular: Option<u32>,
+    /// The hill that the lawn is on, in the world.
+    pub hill: Option<Hill>,
     /// How the wind leans the lawn, if it does.
     pub leaning: Option<Leaning>,
     /// Path of the meadow's file.
@@ -136,6 +139,7 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
     Ok(Grass {
         height,
         irregular: config.irregular_seed,
+        hill: hill(manifest),
         leaning: None,
         index,
         name: config.name.clone(),
@@ -147,6 +151,12 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
         path,
         slices: OnceLock::new(),
     })
+}
+
+/// The hill of the scene's ground.
+pub fn hill(manifest: &Manifest) -> Option<Hill> {
+    let said = manifest.ground.as_ref()?.hill.as_ref()?;
+    Some(Hill { middle: said.position_mm.into(), height: said.height_mm, radius: said.radius_mm })
 }
 
 /// The options for making slices where there is no fit.
@@ -210,13 +220,27 @@ impl Grass {
         DVec3::new(axis(0), axis(1), 0.0)
     }
 
-    /// Where a blade stands in the rectangle number `k` of [`Grass::places`], relative to the rectangle's middle.
+    /// Whether every rectangle has blades of its own, because the wind leans them or a hill lifts them.
+    pub fn is_own(&self) -> bool {
+        self.leaning.is_some() || self.hill.is_some()
+    }
+
+    /// Where a blade stands in the rectangle number `k` of [`Grass::places`], relative to the rectangle's middle. A hill
+    /// lifts it, upright as it is, by its height at the blade's first point, which is at its foot.
     pub fn place_in(&self, leaf: &Leaf, k: usize) -> DMat4 {
-        if self.irregular.is_none() {
-            return leaf.transform;
+        let mut place = leaf.transform;
+        if self.irregular.is_some() {
+            let (part, back) = self.part_of(leaf);
+            place = DMat4::from_translation(self.moved(Some(part), k) - back) * place;
         }
-        let (part, back) = self.part_of(leaf);
-        DMat4::from_translation(self.moved(Some(part), k) - back) * leaf.transform
+        let foot = self.plant.blades.get(leaf.blade).and_then(|blade| blade.mesh.positions.first());
+        if let Some((hill, foot)) = self.hill.as_ref().zip(foot) {
+            let [x, y] = [k % self.tiles[0], k / self.tiles[0]].map(|n| n as f64);
+            let middle = self.origin.truncate() + DVec2::new(x, y) * DVec2::from(self.period);
+            let rise = hill.rise(middle + place.transform_point3(*foot).truncate());
+            place = DMat4::from_translation(DVec3::Z * rise) * place;
+        }
+        place
     }
 
     /// The options for making slices where there is no fit.

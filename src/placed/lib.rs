@@ -31,6 +31,7 @@ use crate::ledger::Ledger;
 use glam::{DVec2, DVec3};
 use leaf::{Leaf, Search};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_fit_grass::hill::Hill;
 use mesophyll_manifest::{Ground, Manifest, ViewKind};
 use moves::Moves;
 use placement::Placement;
@@ -208,6 +209,43 @@ fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
                 .collect(),
         };
     }
-    mesh.positions.iter_mut().for_each(|p| p.z = ground.height_mm);
+    if let Some(hill) = grass::hill(manifest) {
+        mesh = hilly(&hill, 0.5 * side);
+    }
+    mesh.positions.iter_mut().for_each(|p| p.z += ground.height_mm);
+    mesh
+}
+
+/// Numbers of cells of the ground along a hill's radius, and of radii that have such cells on each side of its top.
+const FINE: i32 = 16;
+const RADII: i32 = 4;
+
+/// The ground with a hill, from −`reach` to `reach`. A cell is a sixteenth of the radius where the hill is, so that
+/// the mesh is lower than the hill by 1/2048 of its height at most. Beyond four radii, where a three-thousandth of the
+/// height is left, cells end at the rim.
+fn hilly(hill: &Hill, reach: f64) -> LeafMesh {
+    let nodes = |middle: f64| -> Vec<f64> {
+        let fine = (-FINE * RADII..=FINE * RADII).map(|k| middle + hill.radius * f64::from(k) / f64::from(FINE));
+        let within = fine.filter(|x| x.abs() < reach);
+        std::iter::once(-reach).chain(within).chain([reach]).collect()
+    };
+    let (xs, ys) = (nodes(hill.middle.x), nodes(hill.middle.y));
+    let mut mesh = LeafMesh::default();
+    for y in &ys {
+        for x in &xs {
+            let at = DVec2::new(*x, *y);
+            let slope = hill.slope(at);
+            mesh.positions.push(at.extend(hill.rise(at)));
+            mesh.normals.push((-slope).extend(1.0).normalize());
+            mesh.tangents.push((DVec3::new(1.0, 0.0, slope.x).normalize(), 1.0));
+            mesh.uvs.push(DVec2::new(0.5 + 0.5 * x / reach, 0.5 - 0.5 * y / reach));
+        }
+    }
+    let width = xs.len() as u32;
+    for j in 0..ys.len() as u32 - 1 {
+        for k in j * width..j * width + width - 1 {
+            mesh.indices.extend([k, k + 1, k + width + 1, k, k + width + 1, k + width]);
+        }
+    }
     mesh
 }

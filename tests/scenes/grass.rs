@@ -83,7 +83,9 @@ fn committed(name: &str) -> PathBuf {
 
 #[test]
 fn the_committed_scenes_are_planned() {
-    for (name, wind) in [("lawn", false), ("meadow", true), ("post", false), ("stone", false), ("tree", true)] {
+    for (name, wind) in
+        [("lawn", false), ("meadow", true), ("post", false), ("stone", false), ("tree", true), ("hill", false)]
+    {
         let manifest = Manifest::read(&committed(name)).unwrap();
         let Scene { manifest, plan, .. } = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
         let grass = format!("grass {}", manifest.grass[0].name);

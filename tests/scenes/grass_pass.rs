@@ -327,6 +327,16 @@ fn mistakes_about_a_lawn_are_one_sentence() {
             "grass.tiles: found [401, 401], expected 1 to 15625 rectangles",
         ),
         (GRASS.replace("[31, -17]", "[1e300, 0]"), GROUND, "grass.position_mm: found [1e300, 0.0], expected numbers"),
+        (
+            GRASS.to_string(),
+            &format!("{GROUND}hill = {{ height_mm = 500, radius_mm = 100 }}\n"),
+            "ground.hill.height_mm: found 500, expected -100 to 100 mm",
+        ),
+        (
+            format!("{GRASS}lean_per_m_s = 0.01\n"),
+            &format!("{GROUND}hill = {{ height_mm = 50, radius_mm = 100 }}\n[wind]\nspeed_m_s = 4\nseed = 1\n"),
+            "ground.hill: given beside a lawn that the wind leans",
+        ),
         (GRASS.replace("[31, -17]", "[nan, 0]"), GROUND, "grass.position_mm: found [NaN, 0.0], expected numbers from "),
         (GRASS.replace("[401, 401]", "[9223372036854775807, 2]"), GROUND, "807, 2], expected 1 to 1000000 rectangles"),
         (GRASS.replace("[401, 401]", "[1000000, 1]"), GROUND, "reaches 60000031 mm from the origin; expected at most"),

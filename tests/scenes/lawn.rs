@@ -56,7 +56,12 @@ pub fn lawn(folder: &Path) -> (Drawn, Slices) {
 }
 
 pub fn lawn_of(folder: &Path, grass: &str) -> (Drawn, Slices) {
-    let manifest = Manifest::read(&file(folder, grass, GROUND)).unwrap();
+    lawn_with(folder, grass, GROUND)
+}
+
+/// The same with further text of the scene file, the ground's included.
+pub fn lawn_with(folder: &Path, grass: &str, more: &str) -> (Drawn, Slices) {
+    let manifest = Manifest::read(&file(folder, grass, more)).unwrap();
     let ledger = Ledger::new();
     let scene = Scene::open(manifest, Search::default(), &ledger).unwrap();
     let mut drawn = handover::scene(&scene, &ledger).unwrap();

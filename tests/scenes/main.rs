@@ -14,6 +14,7 @@ mod daylight;
 mod film;
 mod goldens;
 mod grass;
+mod grass_hill;
 mod grass_light;
 mod grass_pass;
 mod grass_tiling;

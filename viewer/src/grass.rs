@@ -60,11 +60,24 @@ pub struct Grass {
     /// lawn does not repeat; `fit_grass::march` has the same rule. With `None`, all rectangles are alike, and the shader
     /// has no code for it.
     pub irregular: Option<u32>,
+    /// The hill that the lawn is on. With `None`, the shader has no code for it.
+    pub hill: Option<GrassHill>,
     /// How the wind leans the blades. With `None`, the shader has no code and no map for it.
     pub gusts: Option<Arc<GrassGusts>>,
     /// Whether every slice is drawn as polygons that are sorted and blended from back to front, instead of by following
     /// a ray through all slices. This is the method that slices are compared with. No wind leans these polygons.
     pub billboards: bool,
+}
+
+/// A hill in the shape of a Gaussian over the ground that the lawn's origin is on, or a hollow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrassHill {
+    /// Place of its top in the world (x, y).
+    pub middle: Vec2,
+    /// Height of its top; less than 0 in a hollow.
+    pub height: f32,
+    /// Standard deviation of the Gaussian.
+    pub radius: f32,
 }
 
 /// A map of gusts that repeats and moves with the wind. It holds the lean of blades along x and y: the displacement of
@@ -141,6 +154,14 @@ pub(crate) fn validate(gpu: &Gpu, index: usize, grass: &Grass) -> Result<()> {
     }
     if grass.irregular.is_some() && !grass.count.is_multiple_of(8) {
         return wrong("count", grass.count.to_string(), "a multiple of 8 in an irregular lawn");
+    }
+    if let Some(hill) = &grass.hill {
+        if !(hill.middle.is_finite() && hill.height.is_finite() && hill.radius.is_finite() && hill.radius > 0.0) {
+            return wrong("hill", format!("{hill:?}"), "finite numbers and a positive radius");
+        }
+        if grass.billboards || grass.gusts.is_some() {
+            return wrong("hill", "billboards or gusts".into(), "neither on a hill");
+        }
     }
     if grass.billboards && grass.gusts.is_some() {
         return wrong("billboards", "gusts".into(), "no wind");

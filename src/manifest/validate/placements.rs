@@ -31,6 +31,24 @@ pub fn placements(p: &Place) -> Result<()> {
             (None, Some(_)) => {}
         }
         p.finite(HEADER, 0, "height_mm", &[ground.height_mm])?;
+        if let Some(hill) = &ground.hill {
+            p.range(HEADER, 0, "hill.radius_mm", hill.radius_mm, [1.0, 1e6], "mm")?;
+            let most = hill.radius_mm;
+            p.range(HEADER, 0, "hill.height_mm", hill.height_mm, [-most, most], "mm, up to the radius")?;
+            p.finite(HEADER, 0, "hill.position_mm", &hill.position_mm)?;
+            let leans = m.wind.is_some() && m.grass.iter().any(|g| g.lean_per_m_s > 0.0);
+            for (what, given) in [
+                ("[transfer]", m.transfer.is_some()),
+                ("[periodic]", m.periodic.is_some()),
+                ("grain_mm", ground.grain_mm.is_some()),
+                ("a lawn that the wind leans", leans),
+            ] {
+                if given {
+                    let told = format!("given beside {what}, for which the ground is level; expected one of the two");
+                    return Err(p.error(HEADER, 0, "hill", told));
+                }
+            }
+        }
         if let Some(grain) = ground.grain_mm {
             let across = m.periodic.as_ref().map(|p| p.size_mm[0].max(p.size_mm[1]));
             let across = across.or(ground.reach_mm.map(|r| 2.0 * r)).unwrap_or_default();

@@ -15,29 +15,29 @@ pub use slices::{lawn, seen_from_above};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// The largest number of triangles in all rectangles of a lawn in the wind, where each rectangle has its own blades.
+/// The largest number of triangles in all rectangles of a lawn in the wind or on a hill, where each rectangle has its own blades.
 const MOST_TRIANGLES: usize = 40_000_000;
 
-/// Adds a lawn's blades to the path tracer's world, with one leaf for each material and part, in every rectangle. Where
-/// the wind leans the lawn, every rectangle has its own leaves, which [`lean`] moves.
+/// Adds a lawn's blades to the path tracer's world, with one leaf for each material and part, in every rectangle. In
+/// the wind, where [`lean`] moves them, and on a hill, every rectangle has its own leaves.
 ///
 /// # Errors
-/// [`Error::Input`] for a lawn in the wind with too many triangles.
+/// [`Error::Input`] for such a lawn with too many triangles.
 pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) -> Result<()> {
     let places = grass.tiles[0] * grass.tiles[1];
-    if grass.leaning.is_some() {
+    if grass.is_own() {
         let triangles: usize = materials(grass).map(|(name, _)| grass.plant.blades_of(name).triangles()).sum();
         if triangles.saturating_mul(places) > MOST_TRIANGLES {
             let told = format!(
-                "found {:?} rectangles of {triangles} triangles in the wind, which leans each blade by itself for the \
-                 path tracer; expected at most {MOST_TRIANGLES} triangles in all",
+                "found {:?} rectangles of {triangles} triangles in the wind or on a hill, which move each blade by \
+                 itself for the path tracer; expected at most {MOST_TRIANGLES} triangles in all",
                 grass.tiles
             );
             return Err(Error::field(&manifest.path, &format!("grass \"{}\": tiles", grass.name), told));
         }
     }
     for (name, optics) in materials(grass) {
-        if grass.leaning.is_some() {
+        if grass.is_own() {
             for (transform, shape) in grass.places().zip(own(grass, name)) {
                 world.instances.push(transport::Placement { leaf: world.leaves.len(), transform });
                 world.leaves.push(blade(&shape, optics));
@@ -91,10 +91,10 @@ fn parts<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = (Optio
     grass.parts().into_iter().map(move |part| (part, shape(part))).filter(|(_, shape)| !shape.indices.is_empty())
 }
 
-/// The blades of a material in each rectangle. In an irregular lawn, every rectangle has others.
+/// The blades of a material in each rectangle. In an irregular lawn and on a hill, every rectangle has others.
 fn own<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = Arc<LeafMesh>> + 'a {
     let shape = |k| Arc::new(grass.plant.blades_at(material, |leaf| Some(grass.place_in(leaf, k))));
-    let alike = grass.irregular.is_none().then(|| shape(0));
+    let alike = (grass.irregular.is_none() && grass.hill.is_none()).then(|| shape(0));
     (0..grass.tiles[0] * grass.tiles[1]).map(move |k| alike.clone().unwrap_or_else(|| shape(k)))
 }
 
@@ -159,6 +159,11 @@ mod slices {
             soil_open: through::open_ground(slices) as f32,
             gusts: grass.leaning.as_ref().map(|leaning| Arc::new(gusts(leaning))),
             irregular: slices.irregular,
+            hill: grass.hill.map(|hill| viewer::GrassHill {
+                middle: hill.middle.as_vec2(),
+                height: hill.height as f32,
+                radius: hill.radius as f32,
+            }),
             billboards: false,
         }
     }
@@ -183,6 +188,9 @@ mod slices {
             // In a leaning lawn, a ray is steeper by at most this angle.
             let lean = leaning.lean_per_m_s * leaning.gusts.strongest();
             most = (most.min(1.0).asin() + lean.atan()).min(FRAC_PI_2).sin();
+        }
+        if let Some(hill) = &grass.hill {
+            most = (most.min(1.0).asin() + hill.steepest().atan()).min(FRAC_PI_2).sin();
         }
         (0..=STEEP).any(|k| {
             let z = most * k as f64 / STEEP as f64;

@@ -72,7 +72,10 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     if let Some((mesh, albedo)) = &placed.ground {
         let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
-        let floor = !placed.free && out.sun.is_some_and(|s| s.direction.z > 0.0) && below_all(placed);
+        let floor = !placed.free
+            && out.sun.is_some_and(|s| s.direction.z > 0.0)
+            && manifest.ground.as_ref().is_some_and(|g| g.hill.is_none())
+            && below_all(placed);
         out.instances.push(viewer::Instance { floor, ..ground });
     }
     plants(placed, barks, &mut out);

@@ -14,12 +14,13 @@ use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// The shader: the lawn's data, the walk through its slices, their light, and the two ways to draw them.
-const SOURCE: [&str; 5] = [
+const SOURCE: [&str; 6] = [
     include_str!("grass/lawn.wgsl"),
     include_str!("grass/walk.wgsl"),
     include_str!("grass/shade.wgsl"),
     include_str!("grass/boards.wgsl"),
     include_str!("grass/draw.wgsl"),
+    include_str!("grass/hill.wgsl"),
 ];
 
 /// The constants of a lawn for the shader; see `grass/lawn.wgsl`.
@@ -238,6 +239,7 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         .set("WIND", grass.gusts.is_some())
         .set("BILLBOARDS", grass.billboards)
         .set("IRREGULAR", grass.irregular.is_some())
+        .set("HILL", grass.hill.is_some())
         .constant("STEPS", grass.steps);
     let defines = grass.irregular.iter().fold(defines, |all, seed| all.constant("IRREGULAR_SEED", *seed));
     let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")];
@@ -312,7 +314,6 @@ fn boards(grass: &Grass, corners: [f32; 4], eye: Vec3) -> Vec<Board> {
 
 fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -> Uniform {
     let sheet = |s: &GrassSheet| [s.cell[0] as f32, s.cell[1] as f32, s.border as f32, s.columns as f32];
-    let rgb = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
     let (pixel, rays) = pixel_rays(camera, size);
     // The direction towards the sun, transformed to the lawn without wind.
     let mean = grass.gusts.as_ref().map_or([0.0; 2], |g| g.mean);
@@ -337,6 +338,12 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
         let turn = g.turn.map(|v| v.as_vec2());
         ([mean[0], mean[1], at.x, at.y], [turn[0].x, turn[0].y, turn[1].x, turn[1].y])
     });
+    // The middle relative to the base, the height, and 1/(2 radius²).
+    let (hill, narrow) = grass.hill.map_or_else(Default::default, |h| {
+        let middle = h.middle - base.truncate();
+        ([middle.x, middle.y, h.height], 0.5 / (h.radius * h.radius))
+    });
+    let below = dome.and_then(|d| Some(d.ground?.map(|v| v * d.strength))).unwrap_or_default();
     Uniform {
         lean,
         turn,
@@ -348,8 +355,8 @@ fn uniform(grass: &Grass, Aim { camera, size, sun, dome }: Aim<'_>, time: f64) -
         shown: [grass.shown[0], grass.shown[1], grass.soil_open, pixel],
         soil: Vec3::from(grass.soil).extend(number.x).to_array(),
         scatter: Vec3::from(grass.scatter).extend(number.y).to_array(),
-        below: rgb(dome.and_then(|d| Some(d.ground?.map(|v| v * d.strength))).unwrap_or_default()),
-        rays: rays.map(|v| v.extend(0.0).to_array()),
+        below: Vec3::from(below).extend(narrow).to_array(),
+        rays: std::array::from_fn(|k| rays[k].extend(hill[k]).to_array()),
         tables: [&grass.projection, &grass.cover, &grass.open, &sunlit].map(packed),
     }
 }
@@ -370,6 +377,7 @@ mod tests {
         for (name, words, least) in [
             ("WIND", &["leaning", "unleant", "gusts", "leans"][..], [10, 20]),
             ("IRREGULAR", &["shifted", "IRREGULAR_SEED", "SHIFTS"], [5, 15]),
+            ("HILL", &["hill_", "sheared("], [10, 60]),
         ] {
             let (without, with) = (lines(name, false), lines(name, true));
             let count = |lines: &[String]| lines.iter().filter(|l| words.iter().any(|w| l.contains(w))).count();

@@ -60,7 +60,7 @@ mod leaf;
 mod light;
 mod motion;
 
-pub use crate::grass::{GRASS_STEPS, Grass, GrassGusts, GrassLevel, GrassSheet, GrassTable, MOST_SLICES};
+pub use crate::grass::{GRASS_STEPS, Grass, GrassGusts, GrassHill, GrassLevel, GrassSheet, GrassTable, MOST_SLICES};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 pub use leaf::{Coefficients, HALF_LIFE_2, Interior, Leaf, SideMaps, SlabCurve, Translucency};
 pub use light::{Anchors, Dome, Scanner, Sun, Transfer};

@@ -6,6 +6,7 @@ struct GrassOut {
     @builtin(frag_depth) depth: f32,
 }
 
+//#if !HILL
 @fragment
 fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     let eye = frame.eye.xyz - grass.base.xyz;
@@ -100,11 +101,22 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
             at = end - 0.01 * grass.base.w / max(-d.z, 0.05);
         }
     }
-    let world = grass.base.xyz + origin + d * at;
+    return shown_at(grass.base.xyz + origin + d * at, seen);
+}
+//#endif
+
+// What a fragment shows, and its depth at a place in the world.
+fn shown_at(world: vec3f, light: Both) -> GrassOut {
+    var seen = light;
     var radiance = seen.sky;
     //#if SUN
     //#if SHADOW
+    //#if HILL
+    // The ground casts shadows too. A point on it is lifted by more than two texels of their map.
+    seen.sun *= visibility(world, frame.sun_direction.xyz, 0.0);
+    //#else
     seen.sun *= visibility(world, frame.sun_direction.xyz, 1.0);
+    //#endif
     //#endif
     radiance += seen.sun;
     //#endif

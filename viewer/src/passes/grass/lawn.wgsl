@@ -20,8 +20,9 @@ struct Grass {
     soil: vec4f,
     scatter: vec4f,
     // Radiance below the horizon that the sky's harmonics contain.
+    // On a hill, w is 1/(2 radius²).
     below: vec4f,
-    // The ray through a place (x, y) of the picture is the first + x · the second + y · the third.
+    // On a hill, the w are the place of its top along x and y, and its height. The ray through a place (x, y) of the picture is the first + x · the second + y · the third.
     rays: array<vec4f, 3>,
     // The mean lean of blades along x and y; zw is the place of the origin in the map of gusts.
     lean: vec4f,
@@ -78,7 +79,13 @@ fn grass_vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     var order = array<u32, 6>(0u, 1u, 2u, 0u, 2u, 3u);
     let corner = faces[index / 6u][order[index % 6u]];
     let far = vec3f(f32(corner & 1u), f32((corner >> 1u) & 1u), f32(corner >> 2u));
-    let local = mix(vec3f(grass.corners.xy, 0.0), vec3f(grass.corners.zw, grass.base.w), far);
+    var low = vec3f(grass.corners.xy, 0.0);
+    var high = vec3f(grass.corners.zw, grass.base.w);
+    //#if HILL
+    low.z = hill_low();
+    high.z = hill_high();
+    //#endif
+    let local = mix(low, high, far);
     return frame.view_projection * vec4f(grass.base.xyz + local, 1.0);
 }
 
@@ -104,13 +111,18 @@ fn part(one: f32, all: f32) -> f32 {
 // The shares of the optical depth that count along d, for upright slices and for the level one.
 fn weights(along: vec3f) -> vec2f {
     var d = along;
-    //#if WIND
+    //#if WIND || HILL
     d = normalize(along);
     //#endif
+    return shares(d, d.z);
+}
+
+// The same where the height over the ground changes by `falls` along the ray.
+fn shares(d: vec3f, falls: f32) -> vec2f {
     let wanted = table(PROJECTION, d.z);
     let upright = grass.shown.x * (abs(d.x) + abs(d.y));
     let w = part(wanted, upright);
-    return vec2f(w, part(wanted - w * upright, grass.shown.y * abs(d.z)));
+    return vec2f(w, part(wanted - w * upright, grass.shown.y * abs(falls)));
 }
 
 // The share of its opacity that a slice has where a share of its optical depth counts.

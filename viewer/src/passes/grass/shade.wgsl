@@ -102,7 +102,16 @@ fn struck(
         //#if WIND
         own_to = unleant(to, leans);
         //#endif
-        let arrives = arriving_at(c, reflects.w / what.w, d, own_to, level);
+        var arrives = 0.0;
+        //#if HILL
+        // The slope hides a sun that is behind it.
+        own_to = sheared(to, c.place.xy);
+        if (own_to.z > 0.0) {
+            arrives = arriving_at(c, reflects.w / what.w, d, own_to, level);
+        }
+        //#else
+        arrives = arriving_at(c, reflects.w / what.w, d, own_to, level);
+        //#endif
         let e = frame.sun_irradiance.rgb * 0.318309886;
         out.light.sun = share * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
         out.light.sun += both * (1.0 - 0.5 * opens) * around(stands, e * all.scattered * table(SUNLIT, stands));
@@ -122,7 +131,14 @@ fn on_soil(place: vec3f, level: f32, all: Overall) -> Both {
         //#if WIND
         own_to = unleant(to, leaning(place.xy));
         //#endif
-        soil.sun = e * to.z * passing(walk_from(place, own_to, NOTHING, 0), own_to, level);
+        var cosine = to.z;
+        //#if HILL
+        own_to = sheared(to, place.xy);
+        cosine = max(own_to.z, 0.0) * inverseSqrt(1.0 + dot(hill_slope(place.xy), hill_slope(place.xy)));
+        //#endif
+        if (cosine > 0.0) {
+            soil.sun = e * cosine * passing(walk_from(place, own_to, NOTHING, 0), own_to, level);
+        }
         soil.sun += (1.0 - grass.shown.z) * around(0.0, e * all.scattered * entry(SUNLIT, 0u));
     }
     //#endif
