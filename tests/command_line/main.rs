@@ -11,6 +11,7 @@ mod commands;
 mod common;
 mod csv;
 mod interrupted;
+mod links;
 mod makefile;
 mod mangled;
 mod messages;
