@@ -4,7 +4,7 @@
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_half};
 use crate::passes::bend;
-use crate::passes::main::{Drawing, drawing, frame_layout, vertex_state};
+use crate::passes::main::{Drawing, drawing, frame_layout, light, vertex_state};
 use crate::passes::sky::pixel_rays;
 use crate::scene::{Camera, Dome, GRASS_STEPS, Grass, GrassSheet, GrassTable, Scene, Sun};
 use crate::shader::assemble;
@@ -242,7 +242,7 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         .set("HILL", grass.hill.is_some())
         .constant("STEPS", grass.steps);
     let defines = grass.irregular.iter().fold(defines, |all, seed| all.constant("IRREGULAR_SEED", *seed));
-    let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")];
+    let shared = [bend::SOURCE, include_str!("main.wgsl"), &light(&variant)];
     (assemble(&(shared.concat() + &SOURCE.concat()), &defines), lights)
 }
 

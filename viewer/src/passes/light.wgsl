@@ -57,38 +57,6 @@ fn coefficient(k: i32) -> vec3f {
     //#endif
 }
 
-// Σ w_l c_lm Y_lm(d), at least 0, by the recurrence p_mm = 1, (l−m) p_l = (2l−1) z p_{l−1} − (l+m−1) p_{l−2}, times the
-// real and imaginary parts of (x + iy)^m.
-fn gathered(d: vec3f, weight: array<f32, 7>) -> vec3f {
-    var w = weight;
-    var sum = vec3f(0.0);
-    var turn = vec2f(1.0, 0.0);
-    for (var m = 0; m < i32(BANDS); m++) {
-        var before = 0.0;
-        var p = 1.0;
-        for (var l = m; l < i32(BANDS); l++) {
-            let at = l * (l + 1);
-            var part = turn.x * coefficient(at + m);
-            if (m > 0) {
-                part += turn.y * coefficient(at - m);
-            }
-            sum += w[l] * p * part;
-            let next = (f32(2 * l + 1) * d.z * p - f32(l + m) * before) / f32(l + 1 - m);
-            before = p;
-            p = next;
-        }
-        turn = vec2f(turn.x * d.x - turn.y * d.y, turn.x * d.y + turn.y * d.x);
-    }
-    return max(sum, vec3f(0.0));
-}
-
-//#if !TRANSFER
-// Irradiance over π on a surface with this normal. The cosine lobe's bands are 1, 2/3, 1/4, 0, −1/24, 0 and 1/64 of π.
-fn even_light(normal: vec3f) -> vec3f {
-    return gathered(normal, array<f32, 7>(1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0, 0.0, 1.0 / 64.0));
-}
-//#endif
-
 //#if ALBEDO
 fn means(place: vec2f, row: f32) -> vec4f {
     let i = min(vec2i(place), vec2i(94, 22));

@@ -1,11 +1,12 @@
 //! The main pass: draws everything that stands in the scene into a radiance target (HDR). It has a pipeline for each
 //! variant of the shader that the scene needs.
 
-use crate::dome;
+use crate::dome::{self, MOST_BANDS};
 use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};
 use crate::gpu::Gpu;
 use crate::material::{self, MaterialOnGpu};
 use crate::passes::bend::{self, BendPass};
+use crate::passes::gathered;
 use crate::passes::grass::GrassPass;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
@@ -119,9 +120,23 @@ impl Pipelines {
     }
 }
 
+/// The functions that evaluate the harmonics of the light from all around, where there are any.
+fn harmonics(variant: &Variant) -> String {
+    match (variant.lights.dome, variant.anchored) {
+        (false, _) => String::new(),
+        (true, Some(anchored)) => gathered::source(anchored.bands as usize, false),
+        (true, None) => gathered::source(MOST_BANDS, true),
+    }
+}
+
+/// WGSL of how light meets a surface, with the functions that it needs under a variant's lights.
+pub(crate) fn light(variant: &Variant) -> String {
+    include_str!("light.wgsl").to_string() + &harmonics(variant)
+}
+
 /// The shader of a variant.
 pub(crate) fn source(variant: &Variant) -> String {
-    let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")].concat();
+    let shared = [bend::SOURCE, include_str!("main.wgsl"), &light(variant)].concat();
     let defines = variant.defines();
     let Some(leaf) = variant.leaf() else { return assemble(&(shared + include_str!("opaque.wgsl")), &defines) };
     let own =

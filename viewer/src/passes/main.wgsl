@@ -194,27 +194,18 @@ fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     return facing;
 }
 
-// The light that a surface sends to the viewer: the sky's, and the sun's before it is multiplied by its visibility.
-struct Shade {
-    ambient: vec3f,
-    sunlit: vec3f,
-}
-
-fn lit(seen: Shade, facing: Facing, world: vec3f) -> vec3f {
-    var radiance = seen.ambient;
-    //#if SUN
-    var sunlit = seen.sunlit;
+//#if SUN
+// The sun's irradiance across its rays, as far as its disk is seen from the point.
+fn sunlight(facing: Facing, world: vec3f) -> vec3f {
+    var seen = 1.0;
     //#if SHARES
-    sunlit *= facing.share;
+    seen = facing.share;
     //#endif
     //#if SHADOW
-    if (max(sunlit.r, max(sunlit.g, sunlit.b)) > 0.0) {
-        let cosine = dot(frame.sun_direction.xyz, facing.flat_normal);
-        sunlit *= visibility(world, select(-facing.flat_normal, facing.flat_normal, cosine > 0.0), abs(cosine));
-    }
+    let cosine = dot(frame.sun_direction.xyz, facing.flat_normal);
+    seen = visibility(world, select(-facing.flat_normal, facing.flat_normal, cosine > 0.0), abs(cosine));
     //#endif
-    radiance += frame.sun_irradiance.rgb * sunlit;
-    //#endif
-    return radiance;
+    return seen * frame.sun_irradiance.rgb;
 }
+//#endif
 //#endif

@@ -5,6 +5,7 @@
 
 pub(crate) mod bend;
 pub(crate) mod fullscreen;
+pub(crate) mod gathered;
 pub(crate) mod grass;
 pub(crate) mod main;
 pub(crate) mod motion;

@@ -11,22 +11,23 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> @location
     let facing = faced(in, front_facing, across);
     if (facing.front) {
         let normal = facing.towards_viewer;
-        var seen = Shade(vec3f(0.0), vec3f(0.0));
         //#if TRANSFER
-        seen.ambient = albedo.rgb * max(vec3f(0.0), in.arrived) * 0.318309886;
+        radiance = albedo.rgb * max(vec3f(0.0), in.arrived) * 0.318309886;
         //#else
         //#if DOME
-        seen.ambient = albedo.rgb * even_light(normal);
+        radiance = albedo.rgb * even_light(normal);
         //#else
         //#if SKY
-        seen.ambient = frame.sky.rgb * albedo.rgb;
+        radiance = frame.sky.rgb * albedo.rgb;
         //#endif
         //#endif
         //#endif
         //#if SUN
-        seen.sunlit = max(0.0, dot(normal, frame.sun_direction.xyz)) * albedo.rgb * 0.318309886;
+        let cosine = dot(normal, frame.sun_direction.xyz);
+        if (cosine > 0.0) {
+            radiance += sunlight(facing, in.world) * cosine * albedo.rgb * 0.318309886;
+        }
         //#endif
-        radiance = lit(seen, facing, in.world);
         //#if SCANNER
         radiance += under_tube(Scanned(normal, albedo.rgb), facing.view, in.world);
         //#endif
