@@ -6,16 +6,21 @@
 //! that the leaf reflects, which is the slab's ρd plus what the surface mirrors. The light table measures the slab's
 //! ρt in the same way.
 
+mod grid;
 mod inspect;
 mod light;
 pub mod manifest;
 mod outline;
 pub mod picture;
-pub mod reduce;
+mod reduce;
+mod reduced;
 mod register;
 mod ruler;
+mod shade;
 pub mod synth;
+mod table;
 
 pub use inspect::{Inspection, inspect};
 pub use manifest::Manifest;
-pub use reduce::{Defect, Reduced, reduce};
+pub use reduce::reduce;
+pub use reduced::{Defect, Reduced};
