@@ -102,6 +102,30 @@ fn lawns(bar: &Bar) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
+/// What a tree's motion costs beside drawing it, where there is a renderer.
+#[cfg(feature = "render")]
+const TREE_PIECES: u64 = mesophyll_check::trees::PIECES;
+#[cfg(not(feature = "render"))]
+const TREE_PIECES: u64 = 0;
+
+#[cfg(feature = "render")]
+fn trees(bar: &Bar) -> Result<Vec<BenchRow>> {
+    let row = |row: mesophyll_check::trees::Row| BenchRow {
+        model: "wind".into(),
+        knob: "Table 4.3".into(),
+        setting: row.setting,
+        error: row.error,
+        us: row.us,
+        note: row.note,
+    };
+    Ok(mesophyll_check::trees::rows(bar)?.into_iter().map(row).collect())
+}
+
+#[cfg(not(feature = "render"))]
+fn trees(_: &Bar) -> Result<Vec<BenchRow>> {
+    Ok(Vec::new())
+}
+
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
@@ -162,7 +186,12 @@ pub const MODELS: [Model; 24] = [
         stress: Some(|| Ok(motion::rows())),
         ..NONE
     },
-    Model { name: "wind", stress: Some(wind::rows), ..NONE },
+    Model {
+        name: "wind",
+        bench: Some(Sweep { steps: TREE_PIECES, rows: trees, pictures: None, peers: None }),
+        stress: Some(wind::rows),
+        ..NONE
+    },
     Model { name: "sway", eval: verb!(eval::sway, "Where the tips of a scene's branches are, over time"), ..NONE },
     Model {
         name: "sky",

@@ -151,6 +151,10 @@ pub struct Wind {
     /// Time at which the scene is seen, where a view does not state it.
     #[serde(default)]
     pub time_s: f64,
+    /// Whether the real-time renderer moves plants in H9's simplified way (§4.8): only positions move, leaves and bark
+    /// are lit as if they had not turned, and lengths of branches are corrected in closed form.
+    #[serde(default)]
+    pub simplified: bool,
 }
 
 impl Wind {

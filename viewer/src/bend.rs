@@ -9,6 +9,7 @@ use glam::Vec3;
 pub(crate) struct Moved<'a> {
     sections: Vec<Section>,
     of_vertices: &'a [u32],
+    turn_normals: bool,
 }
 
 impl Sections {
@@ -26,6 +27,7 @@ impl<'a> Moved<'a> {
         Moved {
             sections: sections.map_or_else(Vec::new, |s| s.now(wind)),
             of_vertices: sections.map_or(&[], |s| &s.of_vertices),
+            turn_normals: sections.is_some_and(|s| s.turn_normals),
         }
     }
 
@@ -50,6 +52,9 @@ impl<'a> Moved<'a> {
             let own = carried.vertices.and_then(|first| self.of_vertices.get(first as usize + number));
             self.sections.get((carried.first + own.copied().unwrap_or(0)) as usize)
         });
-        section.map_or((point, normal), |s| (s.to + s.turn * (point - s.from), s.turn * normal))
+        section.map_or((point, normal), |s| {
+            let turned = if self.turn_normals { s.turn * normal } else { normal };
+            (s.to + s.turn * (point - s.from), turned)
+        })
     }
 }

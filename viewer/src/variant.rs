@@ -17,6 +17,8 @@ pub(crate) struct Variant {
     pub levels: bool,
     /// Whether sections move the vertices of the mesh.
     pub bend: bool,
+    /// Whether they turn the normals too.
+    pub turn: bool,
     /// How the mesh's anchors are read, where light arrives by a transfer.
     pub anchored: Option<Anchored>,
     /// Whether its vertices have shares of the sun, so that shadow maps are not needed.
@@ -164,6 +166,7 @@ impl Variant {
             msaa: scene.msaa,
             levels: !scene.meshes[first.mesh].details.is_empty(),
             bend,
+            turn: bend && scene.sections.as_ref().is_some_and(|s| s.turn_normals),
             anchored: scene.transfer.as_ref().zip(scene.meshes[first.mesh].anchors.as_ref()).map(
                 |(transfer, anchors)| Anchored {
                     grid: anchors.grid,
@@ -225,6 +228,7 @@ impl Variant {
     pub(crate) fn defines(&self) -> Defines {
         let lights = &self.lights;
         let defines = bend::defines(Defines::default(), self.bend, 0)
+            .set("TURN", self.turn)
             .constant("SHADOW_LAYERS", lights.shadow)
             .set("SUN", lights.sun)
             .set("SHADOW", self.shadowed())
@@ -321,7 +325,7 @@ impl Variant {
                 say(true, format!("{lobe:?}").to_lowercase());
             }
         }
-        say(self.bend, "sections".into());
+        say(self.bend, if self.turn { "sections" } else { "sections without turns" }.into());
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
     }

@@ -15,7 +15,7 @@ use crate::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::form::Branch;
-use mesophyll_flora::pose::{FREELY, Limb, Limbs, Pose, Rigid};
+use mesophyll_flora::pose::{FREELY, Lengths, Limb, Limbs, Pose, Rigid};
 use mesophyll_manifest::{Flutter, Manifest};
 use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
@@ -74,7 +74,7 @@ pub struct Winds {
     /// The gusts for leaves, for each kind of flutter.
     pub gusts: Vec<Arc<Gusts>>,
     /// The sections at the last times that were requested.
-    last: Mutex<Vec<(f64, Arc<Vec<Rigid>>)>>,
+    last: Mutex<Vec<(Lengths, f64, Arc<Vec<Rigid>>)>>,
 }
 
 impl Winds {
@@ -193,8 +193,12 @@ impl Winds {
 
     /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where nothing moves it.
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
+        self.pose_with(Lengths::Kept, plant, place, time)
+    }
+
+    fn pose_with(&self, lengths: Lengths, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
-        let pose = swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time));
+        let pose = swaying.limbs.pose_with(lengths, |branch| self.amplitude(swaying, place, branch, time));
         Some(match &swaying.flutter {
             Some(flutter) => pose.with_leaves(flutter.turns(place, time)),
             None => pose,
@@ -282,12 +286,18 @@ impl Winds {
 
     /// All sections of all plants at a time (s), in world space.
     pub fn sections(&self, time: f64) -> Arc<Vec<Rigid>> {
-        let known = |last: &Vec<(f64, Arc<Vec<Rigid>>)>| last.iter().find(|l| l.0 == time).map(|l| l.1.clone());
+        self.sections_with(Lengths::Kept, time)
+    }
+
+    /// The same, with lengths of branches kept in this way.
+    pub fn sections_with(&self, lengths: Lengths, time: f64) -> Arc<Vec<Rigid>> {
+        let same = |l: &&(Lengths, f64, Arc<Vec<Rigid>>)| (l.0, l.1) == (lengths, time);
+        let known = |last: &Vec<(Lengths, f64, Arc<Vec<Rigid>>)>| last.iter().find(same).map(|l| l.2.clone());
         if let Some(found) = self.last.lock().ok().and_then(|last| known(&last)) {
             return found;
         }
         let of_place = |(plant, place): (usize, usize)| {
-            let (swaying, pose) = (self.plants[plant].as_ref(), self.pose(plant, place, time));
+            let (swaying, pose) = (self.plants[plant].as_ref(), self.pose_with(lengths, plant, place, time));
             swaying.zip(pose).map_or_else(Vec::new, |(s, pose)| s.sections.at(place, &pose))
         };
         let places = |(k, s): (usize, &Option<Swaying>)| {
@@ -298,7 +308,7 @@ impl Winds {
         let made = Arc::new(parts.concat());
         if let Ok(mut last) = self.last.lock() {
             last.truncate(KEPT - 1);
-            last.insert(0, (time, made.clone()));
+            last.insert(0, (lengths, time, made.clone()));
         }
         made
     }

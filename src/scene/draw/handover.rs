@@ -78,7 +78,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
             && below_all(placed);
         out.instances.push(viewer::Instance { floor, ..ground });
     }
-    plants(placed, barks, &mut out);
+    plants(placed, manifest.wind.as_ref().is_some_and(|w| w.simplified), barks, &mut out);
     for lawn in &placed.grass {
         let slices = lawn.slices(manifest, ledger)?;
         let soil = placed.ground.as_ref().map_or([0.0; 3], |(_, albedo)| *albedo);

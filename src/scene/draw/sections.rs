@@ -1,7 +1,7 @@
 //! Hands plants that move to the GPU renderer: the sections that carry leaves and bark, for each time.
 
 use glam::DQuat;
-use mesophyll_flora::pose::Rigid;
+use mesophyll_flora::pose::{Lengths, Rigid};
 use mesophyll_placed::Placed;
 use mesophyll_placed::sections::Bark;
 use mesophyll_viewer::scene as viewer;
@@ -27,9 +27,11 @@ impl Barks {
     }
 }
 
-/// Hands over the plants that move: poses in double precision, and a table of sections for each time.
-pub fn plants(placed: &Placed, barks: Barks, out: &mut viewer::Scene) {
+/// Hands over the plants that move: poses in double precision, and a table of sections for each time. In `simplified`
+/// motion (H9 §4.8), lengths of branches are corrected in closed form, and normals do not turn.
+pub fn plants(placed: &Placed, simplified: bool, barks: Barks, out: &mut viewer::Scene) {
     let Some(winds) = placed.winds.clone() else { return };
+    let lengths = if simplified { Lengths::Printed } else { Lengths::Kept };
     let section = |r: &Rigid| viewer::Section {
         from: r.from.as_vec3(),
         to: r.to.as_vec3(),
@@ -38,6 +40,7 @@ pub fn plants(placed: &Placed, barks: Barks, out: &mut viewer::Scene) {
     out.sections = Some(viewer::Sections {
         count: winds.section_count(),
         of_vertices: Arc::new(barks.of_vertices),
-        at: Arc::new(move |time| winds.sections(time).iter().map(section).collect()),
+        turn_normals: !simplified,
+        at: Arc::new(move |time| winds.sections_with(lengths, time).iter().map(section).collect()),
     });
 }

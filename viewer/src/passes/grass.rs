@@ -230,6 +230,7 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         msaa: scene.msaa,
         levels: false,
         bend: false,
+        turn: false,
         anchored: None,
         shares: false,
     };

@@ -117,12 +117,16 @@ fn vertex(in: Vertex) -> Varying {
     //#if BEND
     //#if TANGENT
     let swung = bent(in.ride, in.number, out.world, out.normal, out.tangent.xyz);
-    out.tangent = vec4f(swung.tangent, in.tangent.w);
     //#else
     let swung = bent(in.ride, in.number, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
+    //#if TURN
     out.normal = swung.normal;
+    //#if TANGENT
+    out.tangent = vec4f(swung.tangent, in.tangent.w);
+    //#endif
+    //#endif
     //#endif
     //#if TRANSFER
     //#if LEAF

@@ -22,6 +22,8 @@ pub struct Sections {
     pub count: usize,
     /// For each vertex of bark, the section that carries it, counted from the instance's first section.
     pub of_vertices: Arc<Vec<u32>>,
+    /// Whether normals and tangents turn with the sections. If not, surfaces are lit as if they had not turned.
+    pub turn_normals: bool,
     /// Computes all sections at a time (s).
     pub at: Arc<dyn Fn(f64) -> Vec<Section> + Send + Sync>,
 }

@@ -1,0 +1,240 @@
+//! What the motion of a tree costs beside drawing it (H9 Table 4.3). The tree has the numbers of the dissertation's: 1,500
+//! branches of four levels, 10,000 leaves, and about 75,000 vertices. It is drawn at rest and in a wind, by turns on
+//! two renderers of one adapter, so that both have the same share of a busy machine.
+//!
+//! As in the table, shadow maps are drawn for each frame, at rest too.
+
+use crate::told;
+use glam::Vec3;
+use mesophyll_error::{Error, Result};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_manifest::Manifest;
+use mesophyll_placed::leaf::Search;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_transport::compare::flip_map;
+use mesophyll_viewer as gpu;
+use mesophyll_viewer::scene as viewer;
+use std::time::Instant;
+
+/// A row of the table: one way to draw trees, at rest or in a wind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The way, and whether the trees move.
+    pub setting: String,
+    /// 99th percentile of FLIP between the simplified and the full motion; NaN for other rows.
+    pub error: f64,
+    /// Median time of a frame (µs).
+    pub us: f64,
+    /// Ratios, and the dissertation's.
+    pub note: String,
+}
+
+/// A leaf: a flat quad, as in the dissertation, which hangs at the origin and lies along x (mm).
+const LEAF: [[f32; 8]; 4] = [
+    [0.0, -18.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+    [62.0, -18.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0],
+    [62.0, 18.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0],
+    [0.0, 18.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
+];
+const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3}]}],
+    "buffers": [{"uri": "leaf.bin", "byteLength": 140}],
+    "bufferViews": [{"buffer": 0, "byteLength": 128, "byteStride": 32}, {"buffer": 0, "byteOffset": 128, "byteLength": 12}],
+    "accessors": [
+        {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, -18, 0], "max": [62, 18, 0]},
+        {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 4, "type": "VEC3"},
+        {"bufferView": 0, "byteOffset": 24, "componentType": 5126, "count": 4, "type": "VEC2"},
+        {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}]}"#;
+const TREE: &str = include_str!("../../data/plants/wych-elm.toml");
+/// Pixels of a picture.
+const SIZE: [u32; 2] = [800, 600];
+/// Frames of which the median counts, after one that is not counted, and the time between two of them (s).
+const FRAMES: usize = 7;
+const STEP: f64 = 1.0 / 30.0;
+/// Steps of the progress bar.
+pub const PIECES: u64 = WAYS.len() as u64;
+
+/// A row of Table 4.3: name, number of trees, whether they are lit, whether motion is simplified, frames a second at
+/// rest and in motion, and milliseconds of the motion alone.
+struct Way {
+    name: &'static str,
+    trees: usize,
+    lit: bool,
+    simplified: bool,
+    printed: [f64; 3],
+}
+
+const WAYS: [Way; 4] = [
+    Way { name: "unshaded", trees: 1, lit: false, simplified: false, printed: [299.0, 290.0, 0.104] },
+    Way { name: "shaded", trees: 1, lit: true, simplified: false, printed: [56.0, 48.0, 1.49] },
+    Way { name: "simplified", trees: 1, lit: true, simplified: true, printed: [56.0, 52.0, 0.68] },
+    Way { name: "4 trees", trees: 4, lit: true, simplified: false, printed: [49.0, 32.0, 5.4] },
+];
+
+/// A scene with these trees in a wind.
+fn scene(way: &Way) -> Result<viewer::Scene> {
+    let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a tree: {e}")))?;
+    let write = |name: &str, bytes: &[u8]| mesophyll_files::atomic::write_bytes(&folder.path().join(name), bytes);
+    write("tree.toml", TREE.as_bytes())?;
+    write("leaf.gltf", LEAF_FILE.as_bytes())?;
+    let corners = LEAF.as_flattened().iter().flat_map(|v| v.to_le_bytes());
+    let triangles = [0u16, 1, 2, 0, 2, 3].into_iter().flat_map(u16::to_le_bytes);
+    write("leaf.bin", &corners.chain(triangles).collect::<Vec<u8>>())?;
+    let plant = |k: usize| {
+        let [x, y] = [(k % 2) as f64, (k / 2) as f64].map(|v| 5500.0 * v);
+        format!(
+            "[[plant]]\ngrow = \"tree.toml\"\nposition_mm = [{x}, {y}, 0]\nrotation_deg = [0, 0, {}]\n\
+             materials = {{ leaf = \"leaf\", bark = [0.11, 0.085, 0.06] }}\n",
+            97 * k
+        )
+    };
+    let lights = if way.lit {
+        "[sun]\nzenith_deg = 52\nazimuth_deg = 65\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n"
+    } else {
+        "[sky]\nradiance = [1, 1, 1]\n"
+    };
+    let leaf = "[[leaf]]\nname = \"leaf\"\nmesh = \"leaf.gltf\"\nmesh_unit = \"mm\"\nuniform = { rho_d = [[0.06, 0.1, 0.03], [0.09, 0.14, 0.06]], rho_t = [0.05, 0.1, 0.02], \
+                rho_s = [0.03, 0.03, 0.03] }\n";
+    let wind = format!("[wind]\nspeed_m_s = 6\nseed = 3\nsimplified = {}\n", way.simplified);
+    let view = "[[view]]\nname = \"tree\"\nkind = \"perspective\"\neye_mm = [-700, -8600, 1800]\ntarget_mm = [0, 0, 2500]\n\
+                fov_deg = 42\n";
+    let plants: String = (0..way.trees).map(plant).collect();
+    write(
+        "scene.toml",
+        format!("schema = 1\nname = \"trees\"\nexposure = 0.14\n{leaf}{plants}{lights}{wind}{view}").as_bytes(),
+    )?;
+    let ledger = Ledger::new();
+    let manifest = Manifest::read(&folder.path().join("scene.toml"))?;
+    let opened = Scene::open(manifest, Search::default(), &ledger)?;
+    let mut out = handover::scene(&opened, &ledger)?;
+    out.shadow_samples = 1;
+    if !way.lit {
+        let plain = |m: &viewer::Material| {
+            viewer::Material::Opaque(viewer::Opaque { name: m.name().into(), albedo: [0.1, 0.2, 0.05] })
+        };
+        out.materials = out.materials.iter().map(plain).collect();
+    }
+    Ok(out)
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Two renderers on one adapter.
+struct Pair {
+    still: gpu::Renderer,
+    moving: gpu::Renderer,
+}
+
+/// Median times (µs): of a frame at rest, of a frame in motion, of the motion's share on the CPU, and of a frame in
+/// which sections are read but the shadow maps are kept.
+struct Times {
+    still: f64,
+    moving: f64,
+    posing: f64,
+}
+
+fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera) -> Result<Times> {
+    let mut rest = viewer::Scene { sections: None, wind: None, ..scene.clone() };
+    rest.instances.iter_mut().for_each(|i| i.carried = None);
+    pair.still.set_scene(&rest).map_err(told)?;
+    pair.moving.set_scene(scene).map_err(told)?;
+    let [w, h] = SIZE;
+    let mut all = [const { Vec::new() }; 3];
+    for k in 0..=FRAMES {
+        let wind = viewer::Wind { time_s: STEP * k as f64 };
+        let clock = Instant::now();
+        // The sun moves by nothing that can be seen, so that its shadow maps are drawn again.
+        let mut lights = rest.clone();
+        if let Some(sun) = &mut lights.sun {
+            sun.direction.x += 1e-6 * (1 + k) as f32;
+            pair.still.set_lights(&lights).map_err(told)?;
+        }
+        pair.still.draw(camera, w, h).map_err(told)?;
+        let still = clock.elapsed();
+        let clock = Instant::now();
+        pair.moving.set_time(&wind);
+        let posing = clock.elapsed();
+        pair.moving.draw(camera, w, h).map_err(told)?;
+        let moving = clock.elapsed();
+        if k > 0 {
+            for (list, time) in all.iter_mut().zip([still, moving, posing]) {
+                list.push(1e6 * time.as_secs_f64());
+            }
+        }
+    }
+    let [still, moving, posing] = all.map(median);
+    Ok(Times { still, moving, posing })
+}
+
+/// The table, drawn in one run on one adapter, whose name the notes give. Without an adapter there are no rows, and a
+/// message says so.
+///
+/// # Errors
+/// Those of opening the adapter, of reading and of drawing, and [`mesophyll_error::Error::Interrupted`] after a stop.
+pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
+    let open = || gpu::Renderer::headless(&gpu::Options::default());
+    let mut pair = match (open(), open()) {
+        (Err(gpu::Error::NoAdapter), _) | (_, Err(gpu::Error::NoAdapter)) => {
+            progress::say("no graphics adapter: the rows of moving trees are left out");
+            bar.advance(PIECES);
+            return Ok(Vec::new());
+        }
+        (still, moving) => Pair { still: still.map_err(told)?, moving: moving.map_err(told)? },
+    };
+    let adapter = pair.moving.adapter().name.clone();
+    let eye = |v: [f32; 3]| Vec3::from(v);
+    let camera = viewer::Camera {
+        eye: eye([-700.0, -8600.0, 1800.0]),
+        target: eye([0.0, 0.0, 2500.0]),
+        up: Vec3::Z,
+        fov_y_deg: 42.0,
+    };
+    let mut rows = Vec::new();
+    let mut full = Vec::new();
+    for way in &WAYS {
+        let scene = scene(way)?;
+        let seen = times(&mut pair, &scene, &camera)?;
+        let picture = pair.moving.render(&camera, SIZE[0], SIZE[1]).map_err(told)?.ldr;
+        let mut error = f64::NAN;
+        if way.simplified {
+            let mut off = flip_map(&full, &picture, SIZE[0] as usize, SIZE[1] as usize);
+            off.sort_by(f32::total_cmp);
+            error = off.get(off.len() * 99 / 100).map_or(f64::NAN, |v| f64::from(*v));
+        } else if way.lit && way.trees == 1 {
+            full = picture;
+        }
+        let vertices: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh].positions.len()).sum();
+        let [still, moving, ms] = way.printed;
+        rows.push(Row {
+            setting: format!("{}: at rest", way.name),
+            error: f64::NAN,
+            us: seen.still,
+            note: format!(
+                "{} instances with {vertices} vertices; {}x{} on {adapter}",
+                scene.instances.len(),
+                SIZE[0],
+                SIZE[1]
+            ),
+        });
+        rows.push(Row {
+            setting: format!("{}: in motion", way.name),
+            error,
+            us: seen.moving,
+            note: format!(
+                "{:.3} times a frame at rest ({:.3} in the dissertation); {:.1} % of it computes and uploads the pose on the CPU; motion \
+                 adds {:.2} ms ({ms} ms there, on another adapter)",
+                seen.moving / seen.still,
+                still / moving,
+                100.0 * seen.posing / seen.moving,
+                1e-3 * (seen.moving - seen.still)
+            ),
+        });
+        bar.step()?;
+    }
+    Ok(rows)
+}
