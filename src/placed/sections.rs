@@ -6,8 +6,12 @@ use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::form::Joint;
 use mesophyll_flora::pose::{Pose, Rigid, SECTION_STEP};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// The number of sections that are worth a thread of their own.
+const SHARE: usize = 256;
 
 /// The sections of one plant, which are the same at each of its places.
 #[derive(Debug)]
@@ -65,7 +69,8 @@ impl Sections {
             true => pose.leaf(k, Joint { branch: *branch, at: *at }),
             false => pose.at(*branch, *at),
         };
-        self.on.iter().enumerate().map(|section| own(section).moved(to_world)).collect()
+        let all = self.on.par_iter().enumerate().with_min_len(SHARE);
+        all.map(|section| own(section).moved(to_world)).collect()
     }
 
     /// The plant's wood, separate for every place, because each bends differently.

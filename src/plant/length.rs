@@ -55,7 +55,10 @@ pub fn bend<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T) -> Bent<T> {
     bend_with(shape, x, amplitude, &nodes, STEPS)
 }
 
-/// [`bend`] with any rule and number of steps.
+/// A step of Newton's method after which only rounding is left, because each step squares the error.
+const LAST: f64 = 1e-7;
+
+/// [`bend`] with any rule and at most so many steps.
 pub fn bend_with<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T, nodes: &[(T, T)], steps: usize) -> Bent<T> {
     let curve = Curve { shape, amplitude };
     let (u, du) = shape.at(x);
@@ -69,7 +72,11 @@ pub fn bend_with<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T, nodes: &[(T, T
             extra = extra + *g * (b * b / ((a * a + b * b).sqrt() + a));
         }
         let arc = position(shape, y) + y * extra;
-        y = (y - (arc - x) / curve.speed(y)).at_least(T::zero()).at_most(T::one());
+        let step = (arc - x) / curve.speed(y);
+        y = (y - step).at_least(T::zero()).at_most(T::one());
+        if step.abs() <= T::of(LAST) {
+            break;
+        }
     }
     curve.at(y)
 }

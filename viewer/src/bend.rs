@@ -23,16 +23,23 @@ impl Sections {
 }
 
 impl<'a> Moved<'a> {
-    pub(crate) fn new(sections: Option<&'a Sections>, wind: Option<&Wind>) -> Moved<'a> {
+    /// Everything that `sections` carry, with their motions `now`.
+    pub(crate) fn new(sections: Option<&'a Sections>, now: Vec<Section>) -> Moved<'a> {
         Moved {
-            sections: sections.map_or_else(Vec::new, |s| s.now(wind)),
+            sections: now,
             of_vertices: sections.map_or(&[], |s| &s.of_vertices),
             turn_normals: sections.is_some_and(|s| s.turn_normals),
         }
     }
 
     pub(crate) fn of(scene: &'a Scene) -> Moved<'a> {
-        Moved::new(scene.sections.as_ref(), scene.wind.as_ref())
+        let sections = scene.sections.as_ref();
+        Moved::new(sections, sections.map_or_else(Vec::new, |s| s.now(scene.wind.as_ref())))
+    }
+
+    /// The motions of the sections.
+    pub(crate) fn into_sections(self) -> Vec<Section> {
+        self.sections
     }
 
     /// The place that a point in world space moves to. In a mesh that is moved vertex by vertex, it is vertex `number`.

@@ -6,7 +6,7 @@ use crate::bend::Moved;
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Carried, Instance, Mesh, Scene, Sections, Wind};
+use crate::scene::{Carried, Instance, Mesh, Scene, Section, Sections, Wind};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3};
@@ -156,9 +156,10 @@ pub(crate) fn vertex_layouts(
 /// Points around every instance at rest, in world space, and what carries them. They are the corners of boxes, or every
 /// vertex where a mesh bends.
 pub(crate) struct Extents {
+    /// What casts a shadow stands first.
     points: Vec<(Option<Carried>, Vec<Vec3>)>,
-    /// For each of these, whether it is a floor.
-    floors: Vec<bool>,
+    /// How many of these cast a shadow.
+    casters: usize,
     sections: Option<Sections>,
 }
 
@@ -197,37 +198,47 @@ impl Extents {
             };
             ((None, (0..8).map(corner).collect()), true)
         });
-        let (points, floors) = points.chain(lawns).unzip();
-        Extents { points, floors, sections: scene.sections.clone() }
+        let (floors, mut points): (Vec<_>, Vec<_>) = points.chain(lawns).partition(|(_, floor)| *floor);
+        let casters = points.len();
+        points.extend(floors);
+        Extents { points: points.into_iter().map(|(one, _)| one).collect(), casters, sections: scene.sections.clone() }
     }
 
     pub(crate) fn sections(&self) -> Option<&Sections> {
         self.sections.as_ref()
     }
 
-    /// The points that clipping planes must cover.
-    pub(crate) fn corners(&self, wind: Option<&Wind>) -> Vec<Vec3> {
-        self.moved(wind, |_| true)
+    /// The scene's extents at a time of its wind.
+    pub(crate) fn at(&self, wind: Option<&Wind>) -> ExtentsNow {
+        let sections = self.sections.as_ref();
+        let moved = Moved::new(sections, sections.map_or_else(Vec::new, |s| s.now(wind)));
+        let mut points = Vec::with_capacity(self.points.iter().map(|(_, points)| points.len()).sum());
+        let mut casting = 0;
+        for (k, (by, own)) in self.points.iter().enumerate() {
+            points.extend(own.iter().enumerate().map(|(n, p)| moved.place(*by, n, *p)));
+            if k < self.casters {
+                casting = points.len();
+            }
+        }
+        let ball = ball(&points);
+        points.truncate(casting);
+        ExtentsNow { ball, casters: points, sections: moved.into_sections() }
     }
+}
 
+/// The extents of a scene at one time.
+pub(crate) struct ExtentsNow {
+    /// The motions of all sections.
+    pub sections: Vec<Section>,
     /// The points that shadow maps must cover: everything that casts a shadow.
-    pub(crate) fn casters(&self, wind: Option<&Wind>) -> Vec<Vec3> {
-        self.moved(wind, |floor| !floor)
-    }
-
-    fn moved(&self, wind: Option<&Wind>, of: impl Fn(bool) -> bool) -> Vec<Vec3> {
-        let sections = Moved::new(self.sections.as_ref(), wind);
-        let wanted = self.points.iter().zip(&self.floors).filter(|(_, floor)| of(**floor));
-        let moved = |(by, points): &(Option<Carried>, Vec<Vec3>)| -> Vec<Vec3> {
-            points.iter().enumerate().map(|(k, p)| sections.place(*by, k, *p)).collect()
-        };
-        wanted.flat_map(|(one, _)| moved(one)).collect()
-    }
+    pub casters: Vec<Vec3>,
+    /// Centre and radius of a ball around everything, which clipping planes must cover.
+    pub ball: (Vec3, f32),
 }
 
 /// Centre and radius of a ball around everything that a scene shows, as bent at its time.
 pub fn ball_around(scene: &Scene) -> (Vec3, f32) {
-    ball(&Extents::new(scene).corners(scene.wind.as_ref()))
+    Extents::new(scene).at(scene.wind.as_ref()).ball
 }
 
 /// Centre and radius of a ball around points; a unit ball where there are none.

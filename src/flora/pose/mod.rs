@@ -16,6 +16,7 @@ use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
 use mesophyll_plant::length::{Bent, bend_with};
 use mesophyll_plant::quadrature::gauss;
 use mesophyll_plant::taper::Shape;
+use rayon::prelude::*;
 use std::sync::LazyLock;
 
 /// Quadrature rule and number of Newton steps for the arc's length. They are accurate to 1e-9 of it for small bends.
@@ -29,6 +30,9 @@ const STEPS: usize = 5;
 pub const FURTHEST: f64 = 1.0;
 /// Up to this ratio a deflection is unchanged.
 pub const FREELY: f64 = 0.75;
+
+/// The number of branches that are worth a thread of their own.
+const SHARE: usize = 64;
 
 /// How far a bent branch keeps its length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -192,42 +196,51 @@ impl Limbs {
 
     /// All branches, each bent by its amplitude towards r and s. An amplitude is F/(E′r₁⁴) over the length, as in
     /// [`mesophyll_plant::branch`]. An amplitude that is not finite bends nothing.
-    pub fn pose(&self, amplitudes: impl Fn(usize) -> [f64; 2]) -> Pose<'_> {
+    pub fn pose(&self, amplitudes: impl Fn(usize) -> [f64; 2] + Sync) -> Pose<'_> {
         self.pose_with(Lengths::Kept, amplitudes)
     }
 
     /// The same, with lengths kept in this way.
-    pub fn pose_with(&self, lengths: Lengths, amplitudes: impl Fn(usize) -> [f64; 2]) -> Pose<'_> {
-        let mut pose = Pose { limbs: self, swung: Vec::with_capacity(self.0.len()), leaves: Vec::new() };
+    pub fn pose_with(&self, lengths: Lengths, amplitudes: impl Fn(usize) -> [f64; 2] + Sync) -> Pose<'_> {
+        // Each branch bends in its own frame, whatever its parent does.
+        let bent = |(k, limb): (usize, &Limb)| Swung::new(limb, amplitudes(k), lengths);
+        let swung = self.0.par_iter().enumerate().with_min_len(SHARE).map(bent).collect();
+        let mut pose = Pose { limbs: self, swung, leaves: Vec::new() };
         for (k, limb) in self.0.iter().enumerate() {
             // Parents stand before what grows on them, so their pose is known.
-            let base = limb.parent.map_or(Rigid::STILL, |(parent, at)| pose.at(parent, at));
-            let [t, r, s] = limb.axes;
-            let [x, y] = amplitudes(k);
-            let wanted = x.hypot(y);
-            let whole = limb.shape.tip();
-            let bends = wanted > 0.0 && wanted.is_finite() && limb.length > 0.0;
-            let size = if bends { limited(wanted * whole, FREELY, FURTHEST) / whole } else { 0.0 };
-            let e = if bends { (x * r + y * s) / wanted } else { r };
-            let mut swung =
-                Swung { base, size, e, b: t.cross(e), lengths, marks: Vec::with_capacity(limb.pieces.len()) };
-            if bends {
-                let mut place = limb.pieces.first().map_or(limb.root, |p| p.1);
-                for (n, piece) in limb.pieces.iter().enumerate() {
-                    let bent = swung.bent(limb, piece.0);
-                    if n > 0 {
-                        place = swung.end(limb, n - 1, piece.0, &bent);
-                    }
-                    swung.marks.push((bent.along, bent.across, place));
-                }
+            if let Some((parent, at)) = limb.parent {
+                pose.swung[k].base = pose.at(parent, at);
             }
-            pose.swung.push(swung);
         }
         pose
     }
 }
 
 impl Swung {
+    /// A branch that is bent by this amplitude, on a base that does not move.
+    fn new(limb: &Limb, amplitude: [f64; 2], lengths: Lengths) -> Swung {
+        let [t, r, s] = limb.axes;
+        let [x, y] = amplitude;
+        let wanted = x.hypot(y);
+        let whole = limb.shape.tip();
+        let bends = wanted > 0.0 && wanted.is_finite() && limb.length > 0.0;
+        let size = if bends { limited(wanted * whole, FREELY, FURTHEST) / whole } else { 0.0 };
+        let e = if bends { (x * r + y * s) / wanted } else { r };
+        let mut swung = Swung { base: Rigid::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
+        if bends {
+            swung.marks.reserve(limb.pieces.len());
+            let mut place = limb.pieces.first().map_or(limb.root, |p| p.1);
+            for (n, piece) in limb.pieces.iter().enumerate() {
+                let bent = swung.bent(limb, piece.0);
+                if n > 0 {
+                    place = swung.end(limb, n - 1, piece.0, &bent);
+                }
+                swung.marks.push((bent.along, bent.across, place));
+            }
+        }
+        swung
+    }
+
     fn bent(&self, limb: &Limb, x: f64) -> Bent<f64> {
         let steps = match self.lengths {
             Lengths::Kept => STEPS,

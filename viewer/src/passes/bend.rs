@@ -3,7 +3,7 @@
 
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Instance, Scene, Section, Sections, Wind};
+use crate::scene::{Instance, Scene, Section};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
@@ -73,20 +73,16 @@ fn section_rows(sections: usize) -> usize {
 }
 
 impl BendPass {
-    /// Uploads the sections; `None` where they carry nothing.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<BendPass> {
-        BendPass::at_times(gpu, scene, &[scene.wind.as_ref()], stats)
-    }
-
-    /// The same for several times of the scene's wind, from which shaders choose.
-    pub(crate) fn at_times(gpu: &Gpu, scene: &Scene, winds: &[Option<&Wind>], stats: &mut Stats) -> Option<BendPass> {
+    /// Uploads the motions of all sections at each of these `times`, from which shaders choose; `None` where sections
+    /// carry nothing.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, times: &[Vec<Section>], stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
-        stats.upload("sections", (winds.len() * sections.count * 48) as u64);
+        stats.upload("sections", (times.len() * sections.count * 48) as u64);
         stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
-        let rows_of_all = winds.len() * section_rows(sections.count);
+        let rows_of_all = times.len() * section_rows(sections.count);
         let float = wgpu::TextureFormat::Rgba32Float;
         let motions = texture(gpu, "sections", float, 3 * SECTIONS_WIDE, rows_of_all);
-        fill(gpu, &motions, bytemuck::cast_slice(&texels(sections, winds)));
+        fill(gpu, &motions, bytemuck::cast_slice(&texels(times)));
         let own = rows(&sections.of_vertices, VERTICES_WIDE as usize, 0);
         let height = own.len() / VERTICES_WIDE as usize;
         let of_vertices = texture(gpu, "sections of vertices", wgpu::TextureFormat::R32Uint, VERTICES_WIDE, height);
@@ -106,10 +102,8 @@ impl BendPass {
     }
 
     /// Moves every section to other times, as many as the pass was made with.
-    pub(crate) fn set_times(&self, gpu: &Gpu, sections: Option<&Sections>, winds: &[Option<&Wind>]) {
-        if let Some(sections) = sections {
-            fill(gpu, &self.sections, bytemuck::cast_slice(&texels(sections, winds)));
-        }
+    pub(crate) fn set_times(&self, gpu: &Gpu, times: &[Vec<Section>]) {
+        fill(gpu, &self.sections, bytemuck::cast_slice(&texels(times)));
     }
 
     /// The layout of its bind group.
@@ -225,12 +219,12 @@ fn rows<T: Copy>(list: &[T], wide: usize, rest: T) -> Vec<T> {
     out
 }
 
-/// The sections at several times of the wind, with three texels each and whole rows for each time.
-fn texels(sections: &Sections, winds: &[Option<&Wind>]) -> Vec<[[f32; 4]; 3]> {
+/// The motions of sections at several times, with three texels each and whole rows for each time.
+fn texels(times: &[Vec<Section>]) -> Vec<[[f32; 4]; 3]> {
     let texel = |s: &Section| [s.from.extend(0.0).to_array(), s.to.extend(0.0).to_array(), s.turn.to_array()];
-    let of_time = |wind: &Option<&Wind>| {
-        let all: Vec<[[f32; 4]; 3]> = sections.now(*wind).iter().map(texel).collect();
+    let of_time = |sections: &Vec<Section>| {
+        let all: Vec<[[f32; 4]; 3]> = sections.iter().map(texel).collect();
         rows(&all, SECTIONS_WIDE as usize, [[0.0; 4]; 3])
     };
-    winds.iter().flat_map(of_time).collect()
+    times.iter().flat_map(of_time).collect()
 }

@@ -54,7 +54,8 @@ impl MotionPass {
             layout: &layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: cameras.as_entire_binding() }],
         });
-        let bend = BendPass::at_times(gpu, scene, &[scene.wind.as_ref(); 2], stats);
+        let now = scene.sections.as_ref().map_or_else(Vec::new, |s| s.now(scene.wind.as_ref()));
+        let bend = BendPass::new(gpu, scene, &[now.clone(), now], stats);
         let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
         let sections = scene.sections.as_ref().map_or(0, |s| s.count);
         for (batch, _, material) in drawn.iter() {
@@ -105,8 +106,8 @@ impl MotionPass {
     /// Takes over the cameras, and the wind at the picture's time and at the earlier time.
     pub(crate) fn aim(&self, gpu: &Gpu, cameras: Cameras, sections: Option<&Sections>, winds: [Option<&Wind>; 2]) {
         gpu.queue.write_buffer(&self.cameras, 0, bytemuck::bytes_of(&cameras));
-        if let Some(bend) = &self.bend {
-            bend.set_times(gpu, sections, &winds);
+        if let (Some(bend), Some(sections)) = (&self.bend, sections) {
+            bend.set_times(gpu, &winds.map(|wind| sections.now(wind)));
         }
     }
 

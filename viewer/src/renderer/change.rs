@@ -2,7 +2,6 @@
 
 use super::Renderer;
 use crate::error::Result;
-use crate::geometry::ball;
 use crate::material::MaterialOnGpu;
 use crate::passes::main::Pipelines;
 use crate::passes::transfer::Lit;
@@ -60,9 +59,9 @@ impl Renderer {
             grass.time = wind.time_s;
         }
         let Some(bend) = &loaded.bend else { return };
-        bend.set_times(&self.gpu, loaded.extents.sections(), &[Some(wind)]);
-        loaded.casters = loaded.extents.casters(Some(wind));
-        loaded.ball = ball(&loaded.extents.corners(Some(wind)));
+        let now = loaded.extents.at(Some(wind));
+        bend.set_times(&self.gpu, &[now.sections]);
+        (loaded.casters, loaded.ball) = (now.casters, now.ball);
         if let (Some(sun), Some(shadow)) = (loaded.sun, &mut loaded.shadow) {
             loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.casters);
         }

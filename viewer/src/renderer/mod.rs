@@ -7,7 +7,7 @@ mod motion;
 mod targets;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Batch, Extents, MeshOnGpu, ball, parallel_projection, view_projection};
+use crate::geometry::{Batch, Extents, MeshOnGpu, parallel_projection, view_projection};
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
@@ -136,8 +136,9 @@ impl Renderer {
         let materials: Vec<Option<MaterialOnGpu>> = scene.materials.iter().enumerate().map(material).collect();
         let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let extents = Extents::new(scene);
-        let casters = extents.casters(scene.wind.as_ref());
-        let bend = BendPass::new(&self.gpu, scene, &mut stats);
+        let now = extents.at(scene.wind.as_ref());
+        let casters = now.casters;
+        let bend = BendPass::new(&self.gpu, scene, &[now.sections], &mut stats);
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
@@ -170,7 +171,7 @@ impl Renderer {
             motion: None,
             transfer,
             sun_shares: scene.sun_shares.clone(),
-            ball: ball(&extents.corners(scene.wind.as_ref())),
+            ball: now.ball,
             casters,
             extents,
             sun: scene.sun,
