@@ -22,11 +22,13 @@ mod pictures;
 mod proof;
 pub mod repeats;
 mod report;
+mod smooth;
 pub mod trees;
 mod verify;
 
 pub use capture::CaptureReport;
 pub use report::{Report, Term, ViewReport};
+pub use smooth::Smooth;
 pub use verify::verify;
 
 use mesophyll_error::{Error, Result};
@@ -94,6 +96,7 @@ pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report
         uploads: Vec::new(),
         pipelines: Vec::new(),
         translucency: None,
+        film: None,
         day: Vec::new(),
     };
     progress::say(format!("drawn by {}", report.adapter));
@@ -158,6 +161,10 @@ fn against_reference(
                     perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
                 report.views.push(perspective::one_view(scene, view, renderer, &stages, options)?);
             }
+        }
+        if let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) {
+            report.film = smooth::film(manifest, view, &drawn, renderer)?;
+            report.failures.extend(report.film.and_then(|f| f.why()));
         }
         let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
         report.translucency = cost::term(manifest, &drawn, renderer, !slow)?;

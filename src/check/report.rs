@@ -1,6 +1,7 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
 use crate::CaptureReport;
+use crate::Smooth;
 use crate::day::Hour;
 use crate::golden;
 use mesophyll_manifest::Manifest;
@@ -31,6 +32,8 @@ pub struct Report {
     pub pipelines: Vec<String>,
     /// What translucency maps cost a fragment, where there are any.
     pub translucency: Option<Term>,
+    /// Whether a film is smooth, where the scene asks for one.
+    pub film: Option<Smooth>,
     /// The hours of the scene's day, drawn into `day.png`.
     pub day: Vec<Hour>,
 }
@@ -260,6 +263,9 @@ impl Report {
                 "operations": term.operations[0], "operations_without": term.operations[1],
             });
         }
+        if let Some(film) = &self.film {
+            out["film"] = serde_json::to_value(film).unwrap_or_default();
+        }
         if !self.day.is_empty() {
             out["day"] = serde_json::to_value(&self.day).unwrap_or_default();
         }
@@ -295,6 +301,9 @@ impl Report {
                 );
             }
             out += "\n";
+        }
+        if let Some(film) = &self.film {
+            out += &format!("{}\n", film.line());
         }
         if !self.day.is_empty() {
             let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);

@@ -73,7 +73,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     let Some(first) = views.first().cloned() else {
         return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view to open"));
     };
-    let mut scene = handover::scene(&planned, &ledger)?;
+    let mut scene = handover::shown(&planned, &ledger)?;
     if let (Some(wind), Some(time_s)) = (&mut scene.wind, first.time_s) {
         wind.time_s = time_s;
     }

@@ -48,6 +48,9 @@ pub struct Manifest {
     /// The factor that radiance is multiplied by before it is displayed.
     #[serde(default = "one")]
     pub exposure: f64,
+    /// Share of the light that a camera's lens scatters around what is bright, in films and in the window. Checks leave
+    /// it out.
+    pub bloom: Option<f64>,
     /// Radiance where nothing stands, unless the sky determines it.
     #[serde(default)]
     pub background: [f64; 3],

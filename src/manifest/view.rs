@@ -113,12 +113,17 @@ pub struct Check {
     pub samples: u32,
     /// Frames that are timed for each view.
     pub frames: u32,
+    /// Seconds of the film in the first view that shows whether anything pops; 0 for none. The film begins at the view's
+    /// time.
+    pub seconds: f64,
+    /// Frames of that film for each second.
+    pub fps: f64,
     /// Seed of the reference. Its noise is measured by comparison with the next seed.
     pub seed: u64,
 }
 
 impl Default for Check {
     fn default() -> Self {
-        Check { width: 800, height: 600, samples: 64, frames: 20, seed: 1 }
+        Check { width: 800, height: 600, samples: 64, frames: 20, seconds: 0.0, fps: 30.0, seed: 1 }
     }
 }

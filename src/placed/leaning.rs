@@ -129,8 +129,14 @@ mod tests {
     static GUSTS: LazyLock<Arc<Gusts>> = LazyLock::new(|| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
         let mut manifest = Manifest::read(&path).unwrap();
-        manifest.wind =
-            Some(mesophyll_manifest::Wind { speed_m_s: 3.0, azimuth_deg: 30.0, turbulence: 0.3, seed: 7, time_s: 0.0 });
+        manifest.wind = Some(mesophyll_manifest::Wind {
+            speed_m_s: 3.0,
+            azimuth_deg: 30.0,
+            turbulence: 0.3,
+            seed: 7,
+            time_s: 0.0,
+            simplified: false,
+        });
         let made = Gusts::new(&manifest, 60.0, &Ledger::new()).unwrap().unwrap();
         manifest.wind.as_mut().unwrap().speed_m_s = 0.0;
         assert!(Gusts::new(&manifest, 60.0, &Ledger::new()).unwrap().is_none());

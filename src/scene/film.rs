@@ -138,7 +138,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     // The views and the sizes of their pixels are those of the frames. For example, a wide frame may look down on a
     // lawn.
     (scene.manifest.check.width, scene.manifest.check.height) = (width, height);
-    let mut drawn = handover::scene(scene, ledger)?;
+    let mut drawn = handover::shown(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
     let camera = handover::camera(&view);
     progress::say(format!("drawn by {} ({}, {})", adapter.name, adapter.backend, adapter.driver));
@@ -160,7 +160,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
         }
         if scene.manifest.fades() {
             scene.manifest.age(film.time(k))?;
-            drawn = handover::scene(scene, ledger)?;
+            drawn = handover::shown(scene, ledger)?;
             renderer.set_scene(&drawn).map_err(drawn_by)?;
         }
         if let Some(wind) = &mut drawn.wind {

@@ -58,10 +58,11 @@ pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
 }
 
 impl Levels {
-    /// With `leaves`, fewer and larger instances may be drawn at a distance.
-    pub(crate) fn new(mesh: &Mesh, instances: &[Instance], leaves: bool) -> Levels {
+    /// With `leaves`, fewer and larger instances may be drawn at a distance. `in_full`, all are drawn at their finest
+    /// level.
+    pub(crate) fn new(mesh: &Mesh, instances: &[Instance], leaves: bool, in_full: bool) -> Levels {
         let mut levels = vec![(0..mesh.indices.len() as u32, 0.0)];
-        for detail in &mesh.details {
+        for detail in mesh.details.iter().filter(|_| !in_full) {
             let start = levels.last().map_or(0, |l| l.0.end);
             levels.push((start..start + detail.indices.len() as u32, detail.error));
         }
@@ -85,7 +86,7 @@ impl Levels {
             rides,
             begins,
             still: instances.iter().map(|i| i.carried.is_none()).collect(),
-            ranks: if leaves && n >= MANY { ranks(n) } else { Vec::new() },
+            ranks: if leaves && n >= MANY && !in_full { ranks(n) } else { Vec::new() },
             chosen: vec![0; n],
             sizes: vec![1.0; n],
             enlarged: None,

@@ -92,7 +92,7 @@ impl Batch {
             Some(Batch {
                 mesh,
                 material,
-                levels: Levels::new(&scene.meshes[mesh], &instances, variant.leaf().is_some()),
+                levels: Levels::new(&scene.meshes[mesh], &instances, variant.leaf().is_some(), scene.in_full),
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),

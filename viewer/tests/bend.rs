@@ -3,8 +3,8 @@
 mod common;
 
 use common::*;
-use glam::Vec3;
-use mesophyll_viewer::scene::{Carried, Scene, Wind};
+use glam::{Quat, Vec3};
+use mesophyll_viewer::scene::{Carried, Material, Opaque, Scene, Section, Sections, Wind};
 use mesophyll_viewer::{Picture, Renderer};
 use std::sync::Arc;
 
@@ -79,6 +79,36 @@ fn time_moves_sections_and_their_shadows_and_back() {
     // A scene that is set at the later time gives the same picture as the scene that was moved there.
     scene.wind = Some(Wind { time_s: 4.0 });
     assert_eq!(draw(&mut renderer, &scene).hdr, second.hdr);
+}
+
+/// In simplified motion, positions are the same, and the light on them is that of a surface that has not turned.
+#[test]
+fn surfaces_that_do_not_turn_are_lit_as_at_rest() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = scene_of(uniform_leaf());
+    let matte = Material::Opaque(Opaque { name: "matte".into(), albedo: [0.4, 0.5, 0.6] });
+    scene.materials[0] = matte;
+    (scene.sun, scene.shadow_samples) = (Some(sun(Vec3::Z)), 0);
+    let turn = Quat::from_rotation_y(0.6);
+    let sections = |turn_normals| Sections {
+        count: 1,
+        of_vertices: Arc::new(Vec::new()),
+        turn_normals,
+        at: Arc::new(move |_| vec![Section { from: Vec3::ZERO, to: Vec3::ZERO, turn }]),
+    };
+    let middle = |picture: &Picture| picture.hdr[20 * 48 + 24][1];
+    let rest = middle(&draw(&mut renderer, &scene));
+    scene.instances[0].carried = Some(Carried { first: 0, vertices: None });
+    scene.sections = Some(sections(true));
+    let turned = draw(&mut renderer, &scene);
+    scene.sections = Some(sections(false));
+    let simplified = draw(&mut renderer, &scene);
+    assert!(renderer.stats().pipelines.iter().any(|p| p.contains("sections without turns")));
+    // The sun stands over the surface at rest, so that its light falls with the cosine of the turn.
+    let (full, simple) = (middle(&turned) / rest, middle(&simplified) / rest);
+    assert!((full - 0.6f32.cos()).abs() < 2e-3 && (simple - 1.0).abs() < 2e-3, "{full} {simple}");
+    // Both cover the same pixels.
+    assert!(turned.hdr.iter().zip(&simplified.hdr).all(|(a, b)| (a[3] > 0.5) == (b[3] > 0.5)));
 }
 
 /// Vertices that the shader moves lie where the same rigid motions put them in double precision.

@@ -52,6 +52,46 @@ fn everything_when_everything_is_there() {
     assert_eq!((stats.shadow_renders, stats.draws), (1, 5));
 }
 
+/// Bloom moves light from bright pixels to those around them, and changes neither their sum nor the radiance. A scene
+/// without it has no such pass.
+#[test]
+fn bloom_moves_light_in_the_displayed_picture_alone() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = lit(full_leaf());
+    scene.exposure = 0.5;
+    let look = |renderer: &mut Renderer, scene: &Scene| {
+        renderer.set_scene(scene).expect("scene");
+        renderer.render(&camera(Vec3::new(0.1, 0.1, 1.0), 400.0), 96, 64).expect("picture")
+    };
+    let plain = look(&mut renderer, &scene);
+    assert!(!names_of_pipelines(&renderer).contains(&"bloom".to_string()));
+    scene.bloom = Some(0.3);
+    let bloom = look(&mut renderer, &scene);
+    assert!(names_of_pipelines(&renderer).contains(&"bloom".to_string()));
+    assert!(plain.hdr == bloom.hdr);
+    let light = |byte: u8| {
+        let v = f64::from(byte) / 255.0;
+        let x = if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+        x / (1.0 - x)
+    };
+    let sum = |p: &Picture| p.ldr.iter().map(|c| light(c[1])).sum::<f64>();
+    let (before, after) = (sum(&plain), sum(&bloom));
+    assert!(before > 1.0 && (after / before - 1.0).abs() < 0.03, "{before} {after}");
+    // The leaf is in the middle; it loses light, and the dark pixels around it gain some.
+    let at = |p: &Picture, x: usize, y: usize| light(p.ldr[y * 96 + x][1]);
+    assert!(at(&bloom, 48, 32) < 0.95 * at(&plain, 48, 32));
+    let edge = (0..48).find(|x| at(&plain, *x, 32) > 0.0).expect("a leaf");
+    assert!(edge > 8 && at(&plain, edge - 3, 32) == 0.0 && at(&bloom, edge - 3, 32) > 0.0, "{edge}");
+    scene.bloom = None;
+    assert!(look(&mut renderer, &scene).ldr == plain.ldr);
+    scene.bloom = Some(1.5);
+    assert!(renderer.set_scene(&scene).unwrap_err().to_string().contains("bloom"));
+}
+
+fn names_of_pipelines(renderer: &Renderer) -> Vec<String> {
+    renderer.stats().pipelines.iter().map(|p| p.to_string()).collect()
+}
+
 #[test]
 fn without_a_sun_no_shadow_and_no_normal_where_nothing_shines() {
     let Some(mut renderer) = renderer() else { return };

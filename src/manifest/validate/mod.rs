@@ -39,6 +39,9 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
         p.range("", 0, "tolerance", tolerance, [1e-6, 0.5], "of the displayed range")?;
     }
     p.positive("", 0, "exposure", m.exposure, "number")?;
+    if let Some(share) = m.bloom {
+        p.range("", 0, "bloom", share, [0.0, 0.5], "of the light")?;
+    }
     p.colour("", "background", &m.background)?;
     leaves::leaves(&p)?;
     placements::placements(&p)?;
@@ -54,6 +57,11 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
         ("frames", m.check.frames, MOST_SAMPLES),
     ] {
         p.range("[check]", 0, key, f64::from(value), [1.0, f64::from(most)], "")?;
+    }
+    p.range("[check]", 0, "seconds", m.check.seconds, [0.0, 60.0], "s")?;
+    p.range("[check]", 0, "fps", m.check.fps, [1.0, 240.0], "frames a second")?;
+    if m.check.seconds > 0.0 && m.wind.is_none() {
+        return Err(p.error("[check]", 0, "seconds", "given, but the scene has no [wind], so that nothing moves"));
     }
     Ok(())
 }
@@ -113,6 +121,7 @@ max_error = 0.1
             ("target_mm = [0, 0, 0]", "target_mm = [0, -10, 100]", "s.toml:17: view.target_mm: is where the eye is"),
             ("tolerance = 0.004", "tolerance = nan", "s.toml:4: tolerance: found NaN"),
             ("schema = 1", "schema = 2", "s.toml:2: schema: found 2, expected 1"),
+            ("name = \"s\"", "name = \"s\"\nbloom = 5", "s.toml:4: bloom: found 5, expected 0 to 0.5 of the light"),
             ("fit = \"fits/elm\"", "", "s.toml:5: leaf.fit: missing"),
             (
                 "max_error = 0.1",

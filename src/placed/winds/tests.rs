@@ -6,8 +6,14 @@ use std::f64::consts::TAU;
 pub fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
     let mut manifest = Manifest::read(&root).unwrap();
-    manifest.wind =
-        Some(mesophyll_manifest::Wind { speed_m_s: speed, azimuth_deg: 30.0, turbulence: 0.3, seed: 7, time_s: 0.0 });
+    manifest.wind = Some(mesophyll_manifest::Wind {
+        speed_m_s: speed,
+        azimuth_deg: 30.0,
+        turbulence: 0.3,
+        seed: 7,
+        time_s: 0.0,
+        simplified: false,
+    });
     let planted = crate::plant::planted(&manifest, &Ledger::new()).unwrap();
     (manifest, planted)
 }

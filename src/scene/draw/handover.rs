@@ -102,6 +102,15 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(out)
 }
 
+/// The same as a camera shows it to people: with the scene's bloom, which checks leave out.
+///
+/// # Errors
+/// As [`scene`].
+pub fn shown(of: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+    let bloom = of.manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
+    Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
+}
+
 /// Whether the ground lies below everything else in the scene.
 fn below_all(placed: &Placed) -> bool {
     let Some((ground, _)) = &placed.ground else { return false };
@@ -154,6 +163,8 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         scanner: None,
         background: rgb(&manifest.background),
         exposure: manifest.exposure as f32,
+        in_full: false,
+        bloom: None,
         shadow_samples: plan.light.shadow_samples,
         shadow_resolution: plan.light.shadow_resolution,
         msaa: plan.light.msaa,

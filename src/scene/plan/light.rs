@@ -4,6 +4,7 @@ use super::accuracy::{self, Row};
 use super::between::sun_visibility;
 use super::{LeftOut, Need, Plan};
 use crate::Result;
+use glam::DVec3;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::{Manifest, ViewKind};
 use mesophyll_placed::Placed;
@@ -105,16 +106,13 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
 
 fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, map_bytes: u64) {
     // Balls around the leaves bound how far a shadow falls, and how wide a leaf is relative to its penumbra.
-    let spheres: Vec<(glam::DVec3, f64)> = placed
+    let spheres: Vec<(DVec3, f64)> = placed
         .placements
         .iter()
         .filter_map(|p| placed.leaves[p.leaf].mesh.as_ref().map(|m| (m.bounds(), p.transform)))
         .map(|((c, r), t)| (t.transform_point3(c), r * t.x_axis.truncate().length()))
         .collect();
-    let reach = spheres
-        .iter()
-        .flat_map(|(a, ra)| spheres.iter().map(move |(b, rb)| a.distance(*b) + ra + rb))
-        .fold(0.0, f64::max);
+    let reach = reach(&spheres);
     let leaf = spheres.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let share = if spheres.is_empty() { 1.0 } else { (2.0 * radius.tan() * reach / (2.0 * leaf)).min(1.0) };
     let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
@@ -137,6 +135,26 @@ fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, m
         need.bytes = Some(row.bytes);
     }
     plan.need(need);
+}
+
+/// The largest distance (mm) between points of any two of these balls. Balls far from the middle are tried first. A pair
+/// cannot be farther apart than both are from the middle together, so that most pairs need no look.
+fn reach(balls: &[(DVec3, f64)]) -> f64 {
+    let Some((first, _)) = balls.first() else { return 0.0 };
+    let (low, high) = balls.iter().fold((*first, *first), |(l, h), (p, _)| (l.min(*p), h.max(*p)));
+    let middle = 0.5 * (low + high);
+    let mut from_middle: Vec<(f64, DVec3, f64)> = balls.iter().map(|(p, r)| (p.distance(middle) + r, *p, *r)).collect();
+    from_middle.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut reach = 0.0f64;
+    for (far, a, ra) in &from_middle {
+        let hopeful = from_middle.iter().take_while(|(other, ..)| far + other > reach);
+        let found = hopeful.map(|(_, b, rb)| a.distance(*b) + ra + rb).fold(0.0, f64::max);
+        if found == 0.0 {
+            break;
+        }
+        reach = reach.max(found);
+    }
+    reach
 }
 
 /// Lists models that scenes of plants may have and this one does not.
@@ -162,5 +180,28 @@ pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     }
     if manifest.views.iter().all(|v| v.kind != ViewKind::Card) {
         plan.leave_out(LeftOut::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reach is that of all pairs, which are looked at one by one.
+    #[test]
+    fn no_pair_reaches_farther() {
+        let mut seed = 7u64;
+        let mut next = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64
+        };
+        for shape in [DVec3::ONE, DVec3::new(9.0, 1.0, 0.1), DVec3::ZERO] {
+            for count in [0, 1, 2, 300] {
+                let mut ball = || (DVec3::new(next(), next(), next()) * 50.0 * shape, 4.0 * next() * next());
+                let balls: Vec<(DVec3, f64)> = (0..count).map(|_| ball()).collect();
+                let pairs = balls.iter().flat_map(|(a, r)| balls.iter().map(move |(b, q)| a.distance(*b) + r + q));
+                assert_eq!(reach(&balls), pairs.fold(0.0, f64::max), "{shape} {count}");
+            }
+        }
     }
 }

@@ -373,7 +373,7 @@ mod tests {
 
     fn lit(surface: Surface) -> Variant {
         let lights = Lights { sun: true, sky: true, ..Lights::default() };
-        Variant { lights, surface, msaa: 4, levels: false, bend: false, anchored: None, shares: false }
+        Variant { lights, surface, msaa: 4, levels: false, bend: false, turn: false, anchored: None, shares: false }
     }
 
     fn lines(v: &Variant) -> Vec<String> {

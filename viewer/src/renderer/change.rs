@@ -24,6 +24,7 @@ impl Renderer {
                 && l.shadow_layers == shadow_layers(scene)
                 && l.shadow_resolution == scene.shadow_resolution
                 && l.msaa == scene.msaa
+                && l.bloom.as_ref().map(|b| b.share) == scene.bloom
         });
         if !same {
             return self.set_scene(scene);

@@ -12,6 +12,7 @@ use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::bend::BendPass;
+use crate::passes::bloom::BloomPass;
 use crate::passes::grass::{Aim, GrassPass};
 use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
 use crate::passes::motion::MotionPass;
@@ -52,6 +53,7 @@ struct Loaded {
     main: MainPass,
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
+    bloom: Option<BloomPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
     /// Made when motion vectors are requested for the first time.
@@ -153,6 +155,7 @@ impl Renderer {
         let main = MainPass::new(&self.gpu, scene, shadow.as_ref(), transfer.as_ref(), &mut stats);
         let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
         let grass = GrassPass::new(&self.gpu, scene, &mut stats);
+        let bloom = scene.bloom.map(|share| BloomPass::new(&self.gpu, scene.msaa, share, &mut stats));
         if let Err(error) = guard.finish(&self.gpu) {
             self.pipelines = Pipelines::default();
             self.loaded = None;
@@ -166,6 +169,7 @@ impl Renderer {
             main,
             shadow,
             seen_sky,
+            bloom,
             grass,
             bend,
             motion: None,
@@ -237,8 +241,13 @@ impl Renderer {
                 expected: "set_scene before a picture".into(),
             });
         };
-        if self.targets.as_ref().is_none_or(|t| (t.width, t.height, t.msaa) != (width, height, loaded.msaa)) {
-            self.targets = Some(TargetSet::new(&self.gpu, &self.tonemap, width, height, loaded.msaa));
+        let bloom = loaded.bloom.as_ref();
+        let fits = |t: &TargetSet| {
+            let share = t.bloom.as_ref().map(|b| b.share);
+            (t.width, t.height, t.msaa, share) == (width, height, loaded.msaa, bloom.map(|b| b.share))
+        };
+        if !self.targets.as_ref().is_some_and(fits) {
+            self.targets = Some(TargetSet::new(&self.gpu, &self.tonemap, bloom, width, height, loaded.msaa));
         }
         let Some(targets) = &self.targets else { return Ok(()) };
         let (centre, radius) = loaded.ball;
@@ -307,6 +316,9 @@ impl Renderer {
             clock.map(|c| c.writes(1)),
             &mut self.stats,
         );
+        if let (Some(pass), Some(bloom)) = (&loaded.bloom, &targets.bloom) {
+            pass.draw(encoder, bloom, &mut self.stats);
+        }
         self.tonemap.draw(encoder, &targets.radiance, &targets.ldr_view, clock.map(|c| c.writes(2)), &mut self.stats);
         Ok(())
     }

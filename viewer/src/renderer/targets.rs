@@ -1,6 +1,7 @@
 //! The textures that a frame is drawn into.
 
 use crate::gpu::Gpu;
+use crate::passes::bloom::{Bloom, BloomPass};
 use crate::passes::main::DEPTH;
 use crate::passes::tonemap::{self, TonemapPass};
 
@@ -15,11 +16,20 @@ pub(super) struct TargetSet {
     pub depth: wgpu::TextureView,
     pub ldr: wgpu::Texture,
     pub ldr_view: wgpu::TextureView,
+    /// The picture with scattered light, where the scene has bloom.
+    pub bloom: Option<Bloom>,
     pub radiance: wgpu::BindGroup,
 }
 
 impl TargetSet {
-    pub fn new(gpu: &Gpu, tonemap: &TonemapPass, width: u32, height: u32, msaa: u32) -> TargetSet {
+    pub fn new(
+        gpu: &Gpu,
+        tonemap: &TonemapPass,
+        bloom: Option<&BloomPass>,
+        width: u32,
+        height: u32,
+        msaa: u32,
+    ) -> TargetSet {
         use wgpu::TextureUsages as Use;
         let texture = |label, format, sample_count, usage| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -39,6 +49,7 @@ impl TargetSet {
         let hdr = texture("radiance", format, 1, read);
         let ldr = texture("picture", tonemap::FORMAT, 1, read);
         let hdr_view = view(&hdr);
+        let bloom = bloom.map(|pass| pass.on(gpu, &hdr_view, width, height));
         TargetSet {
             width,
             height,
@@ -46,7 +57,8 @@ impl TargetSet {
             samples: (msaa > 1).then(|| view(&texture("samples", format, msaa, Use::RENDER_ATTACHMENT))),
             depth: view(&texture("depth", DEPTH, msaa, Use::RENDER_ATTACHMENT)),
             ldr_view: view(&ldr),
-            radiance: tonemap.bind(gpu, &hdr_view),
+            radiance: tonemap.bind(gpu, bloom.as_ref().map_or(&hdr_view, |b| &b.radiance)),
+            bloom,
             hdr,
             hdr_view,
             ldr,

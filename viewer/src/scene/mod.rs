@@ -93,6 +93,12 @@ pub struct Scene {
     pub background: [f32; 3],
     /// The factor that radiance is multiplied by before it is displayed.
     pub exposure: f32,
+    /// Whether everything is drawn in full detail, however small it is in the picture. It costs time, and shows what
+    /// levels of detail and leaves that are left out change.
+    pub in_full: bool,
+    /// Share of the light (0 to 1) that the camera's lens scatters around what is bright. It changes the 8-bit picture
+    /// only; without it nothing of it is made.
+    pub bloom: Option<f32>,
     /// Number of shadow maps spread over the sun's disk. 0 leaves shadows out, 1 gives hard shadows, and with more the
     /// shadows become softer and more accurate.
     pub shadow_samples: u32,

@@ -69,6 +69,9 @@ pub(crate) fn lights(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if !scene.exposure.is_finite() || scene.exposure < 0.0 {
         return Err(wrong("exposure", scene.exposure, "finite and not negative"));
     }
+    if let Some(share) = scene.bloom.filter(|share| !(0.0..=1.0).contains(share)) {
+        return Err(wrong("bloom", share, "0 to 1"));
+    }
     if let Some(sun) = scene.sun {
         if (sun.direction.length() - 1.0).abs() > 1e-3 {
             return Err(wrong("sun, direction", sun.direction, "a unit vector"));
