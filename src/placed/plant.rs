@@ -20,8 +20,8 @@ use rand_pcg::Pcg64;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-/// The largest number of leaves of all plants together. A larger number is more likely a typing error than meant.
-const MOST_LEAVES: usize = 1_000_000;
+/// The largest number of leaves of all plants together. The real-time renderer takes about a kilobyte for each.
+const MOST_LEAVES: usize = 8_000_000;
 
 /// Wood in the scene.
 #[derive(Debug, Clone, PartialEq)]

@@ -106,11 +106,14 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
 
 fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, map_bytes: u64) {
     // Balls around the leaves bound how far a shadow falls, and how wide a leaf is relative to its penumbra.
+    let around: Vec<Option<(DVec3, f64)>> =
+        placed.leaves.iter().map(|leaf| leaf.mesh.as_ref().map(LeafMesh::bounds)).collect();
     let spheres: Vec<(DVec3, f64)> = placed
         .placements
         .iter()
-        .filter_map(|p| placed.leaves[p.leaf].mesh.as_ref().map(|m| (m.bounds(), p.transform)))
-        .map(|((c, r), t)| (t.transform_point3(c), r * t.x_axis.truncate().length()))
+        .filter_map(|p| {
+            around[p.leaf].map(|(c, r)| (p.transform.transform_point3(c), r * p.transform.x_axis.truncate().length()))
+        })
         .collect();
     let reach = reach(&spheres);
     let leaf = spheres.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
