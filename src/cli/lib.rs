@@ -17,6 +17,7 @@ mod fit;
 mod grow;
 mod import;
 mod inspect;
+mod man;
 mod models;
 mod named;
 mod peers;
@@ -96,6 +97,8 @@ enum Verb {
     Export(export::Args),
     /// Print a shell completion script
     Completions(completions::Args),
+    /// Print the manual page of the program or of a verb
+    Man(man::Args),
 }
 
 impl Verb {
@@ -118,6 +121,7 @@ impl Verb {
             Verb::View(_) => "view",
             Verb::Export(_) => "export",
             Verb::Completions(_) => "completions",
+            Verb::Man(_) => "man",
         }
     }
 }
@@ -179,8 +183,8 @@ fn exit_code(e: &Error) -> u8 {
 
 fn dispatch(cli: &Cli) -> Result<u8> {
     let common = &cli.common;
-    if common.json && matches!(cli.verb, Verb::View(_) | Verb::Completions(_)) {
-        return Err(Error::Usage("--json: view and completions have no results that JSON could hold".into()));
+    if common.json && matches!(cli.verb, Verb::View(_) | Verb::Completions(_) | Verb::Man(_)) {
+        return Err(Error::Usage("--json: view, completions and man have no results that JSON could hold".into()));
     }
     match &cli.verb {
         Verb::Run(a) => run::run(a, common),
@@ -200,6 +204,7 @@ fn dispatch(cli: &Cli) -> Result<u8> {
         Verb::View(a) => view::run(a, common),
         Verb::Export(a) => export::run(a, common),
         Verb::Completions(a) => completions::run(a),
+        Verb::Man(a) => man::run(a),
     }
 }
 
