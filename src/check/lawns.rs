@@ -6,7 +6,7 @@
 //! Sunlight on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is computed as if
 //! the blade stood alone.
 
-use crate::{blocks, repeats, told};
+use crate::{Row, blocks, repeats, told};
 use glam::{DVec3, Vec3};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
@@ -23,21 +23,6 @@ use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::path::Path;
 use std::sync::Arc;
-
-/// One setting, with the error of its picture (NaN where it was not drawn) and the time of a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// The knob that was changed.
-    pub knob: &'static str,
-    /// The knob's setting, and how the lawn was drawn.
-    pub setting: String,
-    /// 99th percentile of FLIP against path-traced blades.
-    pub error: f64,
-    /// Median time of a frame (µs).
-    pub us: f64,
-    /// Further remarks.
-    pub note: String,
-}
 
 /// How a lawn is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]

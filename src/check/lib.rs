@@ -53,6 +53,21 @@ pub struct Options {
     pub goldens_only: bool,
 }
 
+/// One setting of a sweep that draws, with the error of its picture (NaN where there is none) and the time of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The knob that was changed.
+    pub knob: &'static str,
+    /// The knob's setting, and what was drawn how.
+    pub setting: String,
+    /// 99th percentile of FLIP against the picture that the note names.
+    pub error: f64,
+    /// Median time of a frame (µs).
+    pub us: f64,
+    /// Further remarks.
+    pub note: String,
+}
+
 /// Opens the adapter.
 ///
 /// # Errors

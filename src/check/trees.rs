@@ -4,7 +4,7 @@
 //!
 //! As in the table, shadow maps are drawn for each frame, at rest too.
 
-use crate::told;
+use crate::{Row, told};
 use glam::Vec3;
 use mesophyll_error::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
@@ -17,19 +17,6 @@ use mesophyll_transport::compare::flip_map;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::time::Instant;
-
-/// A row of the table: one way to draw trees, at rest or in a wind.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// The way, and whether the trees move.
-    pub setting: String,
-    /// 99th percentile of FLIP between the simplified and the full motion; NaN for other rows.
-    pub error: f64,
-    /// Median time of a frame (µs).
-    pub us: f64,
-    /// Ratios, and the dissertation's.
-    pub note: String,
-}
 
 /// A leaf: a flat quad, as in the dissertation, which hangs at the origin and lies along x (mm).
 const LEAF: [[f32; 8]; 4] = [
@@ -210,6 +197,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
         let vertices: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh].positions.len()).sum();
         let [still, moving, ms] = way.printed;
         rows.push(Row {
+            knob: "Table 4.3",
             setting: format!("{}: at rest", way.name),
             error: f64::NAN,
             us: seen.still,
@@ -221,6 +209,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             ),
         });
         rows.push(Row {
+            knob: "Table 4.3",
             setting: format!("{}: in motion", way.name),
             error,
             us: seen.moving,

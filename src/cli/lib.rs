@@ -10,6 +10,7 @@ mod batch;
 mod bench;
 mod check;
 mod completions;
+mod drawn;
 mod eval;
 mod export;
 mod film;

@@ -1,7 +1,7 @@
 //! The models, one entry for each. `fit`, `eval`, `bench`, `bench --peers` and `stress`, their help texts and the
 //! completions read only this list. `docs/adding.md` says which files a new model has besides its entry.
 
-use crate::{Common, Error, Result, eval, fit};
+use crate::{Common, Error, Result, drawn, eval, fit};
 use clap::{ArgMatches, Command, FromArgMatches};
 use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
@@ -81,51 +81,6 @@ macro_rules! sweep {
     };
 }
 
-/// Slices beside the blades that they stand for, and drawn lawns where there is a renderer.
-#[cfg(feature = "render")]
-const LAWN_PIECES: u64 = grass::bench::PIECES + mesophyll_check::lawns::PIECES;
-#[cfg(not(feature = "render"))]
-const LAWN_PIECES: u64 = grass::bench::PIECES;
-
-fn lawns(bar: &Bar) -> Result<Vec<BenchRow>> {
-    #[allow(unused_mut)]
-    let mut rows = grass::bench::rows(bar)?;
-    #[cfg(feature = "render")]
-    rows.extend(mesophyll_check::lawns::rows(bar)?.into_iter().map(|row| BenchRow {
-        model: "grass".into(),
-        knob: row.knob.into(),
-        setting: row.setting,
-        error: row.error,
-        us: row.us,
-        note: row.note,
-    }));
-    Ok(rows)
-}
-
-/// What a tree's motion costs beside drawing it, where there is a renderer.
-#[cfg(feature = "render")]
-const TREE_PIECES: u64 = mesophyll_check::trees::PIECES;
-#[cfg(not(feature = "render"))]
-const TREE_PIECES: u64 = 0;
-
-#[cfg(feature = "render")]
-fn trees(bar: &Bar) -> Result<Vec<BenchRow>> {
-    let row = |row: mesophyll_check::trees::Row| BenchRow {
-        model: "wind".into(),
-        knob: "Table 4.3".into(),
-        setting: row.setting,
-        error: row.error,
-        us: row.us,
-        note: row.note,
-    };
-    Ok(mesophyll_check::trees::rows(bar)?.into_iter().map(row).collect())
-}
-
-#[cfg(not(feature = "render"))]
-fn trees(_: &Bar) -> Result<Vec<BenchRow>> {
-    Ok(Vec::new())
-}
-
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
@@ -188,7 +143,7 @@ pub const MODELS: [Model; 24] = [
     },
     Model {
         name: "wind",
-        bench: Some(Sweep { steps: TREE_PIECES, rows: trees, pictures: None, peers: None }),
+        bench: Some(Sweep { steps: drawn::TREES, rows: drawn::trees, pictures: None, peers: None }),
         stress: Some(wind::rows),
         ..NONE
     },
@@ -260,7 +215,7 @@ pub const MODELS: [Model; 24] = [
     Model {
         name: "grass",
         fit: verb!(fit::grass, "Slices of a meadow, drawn in real time, from its blades"),
-        bench: Some(Sweep { steps: LAWN_PIECES, rows: lawns, pictures: None, peers: None }),
+        bench: Some(Sweep { steps: drawn::LAWNS, rows: drawn::lawns, pictures: None, peers: None }),
         stress: Some(|| Ok(grass::stress::rows())),
         ..NONE
     },

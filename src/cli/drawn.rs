@@ -1,0 +1,53 @@
+//! Sweeps that draw. They have rows only in a build with a renderer.
+
+use crate::Result;
+use mesophyll_files::progress::Bar;
+use mesophyll_proof::bench::BenchRow;
+use mesophyll_proof::grass;
+
+#[cfg(feature = "render")]
+use mesophyll_check::{lawns as drawn_lawns, trees as drawn_trees};
+
+/// Nothing that draws: no steps and no rows.
+#[cfg(not(feature = "render"))]
+mod nothing {
+    pub const PIECES: u64 = 0;
+}
+#[cfg(not(feature = "render"))]
+use nothing as drawn_lawns;
+#[cfg(not(feature = "render"))]
+use nothing as drawn_trees;
+
+/// Steps of the progress bar for lawns and for trees.
+pub const LAWNS: u64 = grass::bench::PIECES + drawn_lawns::PIECES;
+pub const TREES: u64 = drawn_trees::PIECES;
+
+#[cfg(feature = "render")]
+fn rows_of(model: &str, rows: Vec<mesophyll_check::Row>) -> impl Iterator<Item = BenchRow> {
+    rows.into_iter().map(move |row| BenchRow {
+        model: model.into(),
+        knob: row.knob.into(),
+        setting: row.setting,
+        error: row.error,
+        us: row.us,
+        note: row.note,
+    })
+}
+
+/// Slices beside the blades that they stand for, and drawn lawns.
+pub fn lawns(bar: &Bar) -> Result<Vec<BenchRow>> {
+    #[allow(unused_mut)]
+    let mut rows = grass::bench::rows(bar)?;
+    #[cfg(feature = "render")]
+    rows.extend(rows_of("grass", drawn_lawns::rows(bar)?));
+    Ok(rows)
+}
+
+/// What a tree's motion costs beside drawing it.
+#[cfg_attr(not(feature = "render"), allow(unused_variables))]
+pub fn trees(bar: &Bar) -> Result<Vec<BenchRow>> {
+    #[cfg(feature = "render")]
+    return Ok(rows_of("wind", drawn_trees::rows(bar)?).collect());
+    #[cfg(not(feature = "render"))]
+    Ok(Vec::new())
+}
