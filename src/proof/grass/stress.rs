@@ -2,6 +2,7 @@
 
 use crate::stress::StressRow;
 use glam::{DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_grass::blades::Meadow;
 use mesophyll_fit_grass::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
 use mesophyll_fit_grass::march::{Slices, unleant};
@@ -13,12 +14,19 @@ use std::time::Instant;
 
 /// A lawn on a small square, with this many blades a square metre.
 fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<Meadow, String> {
+    lawn_with(per_m2, size_mm, |_| ())
+}
+
+/// The same, with blades that were changed.
+fn lawn_with(per_m2: f64, size_mm: [f64; 2], change: impl Fn(&mut LeafMesh)) -> Result<Meadow, String> {
     let text = include_str!("../../../data/grass/lawn.toml");
     let mut described: meadow::Meadow = toml::from_str(text).map_err(|e| e.to_string())?;
     described.size_mm = size_mm;
     described.swards.iter_mut().for_each(|sward| sward.per_m2 = per_m2);
     let leaves = optics::read(None).map_err(|e| e.to_string())?;
-    Meadow::new(Path::new("lawn.toml"), &described.grow(None), &leaves).map_err(|e| e.to_string())
+    let mut grown = described.grow(None);
+    grown.blades.iter_mut().for_each(|blade| change(&mut blade.mesh));
+    Meadow::new(Path::new("lawn.toml"), &grown, &leaves).map_err(|e| e.to_string())
 }
 
 fn small(slices: usize) -> Result<(Meadow, Slices), String> {
@@ -129,6 +137,17 @@ pub fn rows() -> Vec<StressRow> {
             let rays = Rays { side: 16, level: 0.0, sunlit: false };
             let to = towards(60.0, 20.0);
             Ok([coverage_of_slices(&s, rays, to), coverage_of_blades(&meadow, rays, to), 0.05])
+        }),
+        row("blades whose texture coordinates lie at one point, without tangents: as with them", "ok", || {
+            let of = |meadow: Meadow| {
+                let s = baked(&meadow, &Options { slices: 8, texels: [64, 32], rays: 2, ..Options::default() });
+                opacity(&s, DVec3::new(3.0, 4.0, s.height), -towards(70.0, 31.0), 1000)
+            };
+            let flat = lawn_with(21_000.0, [100.0, 100.0], |mesh| {
+                mesh.uvs.iter_mut().for_each(|uv| *uv = DVec2::ZERO);
+                mesh.tangents.iter_mut().for_each(|t| t.0 = DVec3::splat(f64::NAN));
+            })?;
+            Ok([of(flat)?, of(lawn(21_000.0, [100.0, 100.0])?)?, 0.0])
         }),
         row("one blade, from 5° over the ground: a quarter of what it covers", "ok", || {
             let meadow = lawn(100.0, [100.0, 100.0])?;
