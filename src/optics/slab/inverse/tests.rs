@@ -204,3 +204,33 @@ fn a_transmittance_measured_below_zero_bounds_like_zero() {
         assert!(e.sigma_a.is_finite() && e.sigma_a_err.is_infinite(), "{t}: {e:?}");
     }
 }
+
+/// Away from the edges the largest errors that count as determined carry over linearly, so nobody has to ask the model.
+#[test]
+fn far_from_the_edges_determined_errors_are_linear() {
+    let mut rng = Pcg64Mcg::seed_from_u64(17);
+    let mut asked = 0;
+    for _ in 0..6000 {
+        let side = log_uniform(&mut rng, 1e-4, 1.0);
+        let other = (1.0 - side) * rng.random::<f64>();
+        let [r, t] = match rng.random_range(0..3) {
+            0 => [side, other],
+            1 => [other, side],
+            _ => [other, 1.0 - side - other],
+        };
+        let lost = 1.0 - r - t;
+        let ratio = log_uniform(&mut rng, 0.1, 10.0);
+        let Some(point) = (if lost > 0.0 { solve(r, t, lost, Precision::Fast) } else { None }) else { continue };
+        // The largest noise of this ratio that leaves both parameters determined.
+        let unit = Measured { r, t, r_err: 1e-3 * ratio, t_err: 1e-3 / ratio };
+        let scale = DETERMINED / Spread::new(&point, &unit).relative.into_iter().fold(0.0, f64::max);
+        let m = Measured { r_err: scale * unit.r_err, t_err: scale * unit.t_err, ..unit };
+        if near_edge(&m, lost) {
+            continue;
+        }
+        asked += 1;
+        let spread = Spread::new(&point, &m);
+        assert!(bounds::nearly_linear(&m, &point, &spread, Precision::Fast), "{m:?}");
+    }
+    assert!(asked > 500, "{asked}");
+}
