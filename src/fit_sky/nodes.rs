@@ -2,7 +2,8 @@
 //! turbidity. Also the integrals at these nodes, without their prefactors.
 
 use mesophyll_sky::fitted::Folded;
-use mesophyll_sky::fitted::folded::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
+use mesophyll_sky::fitted::folded::suns;
+use mesophyll_sky::fitted::mix::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity};
 use mesophyll_sky::preetham::Turbid;
 use mesophyll_sky::project::{Quality, Rule};
 use rayon::prelude::*;

@@ -19,4 +19,5 @@ pub mod scan;
 pub(crate) mod sensor;
 pub(crate) mod slab_truth;
 pub mod spec;
+mod spec_checks;
 pub(crate) mod veins;

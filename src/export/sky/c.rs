@@ -4,7 +4,7 @@
 use super::{Constants, Evaluator, Kind, constants, listed};
 use mesophyll_sky::Coefficients;
 use mesophyll_sky::fitted::Basis;
-use mesophyll_sky::fitted::folded::TURBIDITY_ZERO;
+use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
     let lines: String = about.iter().map(|l| format!(" * {l}").trim_end().to_string() + "\n").collect();

@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use mesophyll_record::{FitRecord, Times};
 use mesophyll_sky::Coefficients;
 use mesophyll_sky::fitted::Basis;
-use mesophyll_sky::fitted::folded::TURBIDITY_ZERO;
+use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -9,7 +9,7 @@ use super::Format;
 use crate::{Error, Result};
 use mesophyll_fit_sky::{Form, folder};
 use mesophyll_record::FitRecord;
-use mesophyll_sky::fitted::folded::{TURBIDITY_ZERO, rgb_from_separable};
+use mesophyll_sky::fitted::mix::{TURBIDITY_ZERO, rgb_from_separable};
 use mesophyll_sky::fitted::{Basis, Folded};
 use mesophyll_sky::irradiance::{add_ground, below_horizon};
 use mesophyll_sky::{Coefficients, preetham};

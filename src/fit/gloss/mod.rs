@@ -6,6 +6,7 @@
 //! noise has the standard deviation √((relative·value)² + floor²). It is evaluated at the model's value, not at the
 //! noisy sample, so that the weights cause no bias.
 
+mod covariance;
 pub mod geometry;
 mod outliers;
 mod project;

@@ -19,6 +19,7 @@ pub mod fn_method;
 pub mod inverse;
 pub mod ordinates;
 pub mod quadrature;
+mod roots;
 pub mod table;
 pub mod thin;
 pub mod verdict;

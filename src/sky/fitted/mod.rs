@@ -8,6 +8,7 @@
 //!   monomials, or Chebyshev polynomials.
 
 pub mod folded;
+pub mod mix;
 pub mod tensor;
 
 pub use folded::{Fixed, Folded};

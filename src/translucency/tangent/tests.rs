@@ -3,6 +3,9 @@
 
 use super::super::convolve::{Convolver, Settings};
 use super::*;
+use crate::convolve::Totals;
+use crate::levels::Levels;
+use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::slab;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

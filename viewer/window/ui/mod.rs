@@ -12,10 +12,12 @@ mod live;
 mod orbit;
 mod plants;
 mod readout;
+mod scene;
 mod thumbnails;
 mod wind;
 
 pub use check::CheckLayout;
+pub use scene::{WindowScene, WindowView};
 
 use crate::editor::{Editor, LeafEdit};
 use check::Check;
@@ -28,34 +30,6 @@ use orbit::Orbit;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// The content with which a window opens.
-#[derive(Debug, Clone)]
-pub struct WindowScene {
-    /// Title of the window.
-    pub title: String,
-    /// The scene that is drawn.
-    pub scene: Scene,
-    /// The camera with which the window starts.
-    pub camera: Camera,
-    /// Views, each of which has a button.
-    pub views: Vec<WindowView>,
-    /// Size of the pictures that are checked. The live picture shows at least everything that such a picture shows.
-    pub check_size: [u32; 2],
-    /// Folder of the screenshots.
-    pub screenshots: PathBuf,
-}
-
-/// One of the scene's views, as a button.
-#[derive(Debug, Clone)]
-pub struct WindowView {
-    /// Text of its button.
-    pub name: String,
-    /// The camera of the view.
-    pub camera: Camera,
-    /// Time at which the scene is seen (s). With `None` the wind's time stays unchanged.
-    pub time_s: Option<f64>,
-}
 
 /// Work that takes so long that a frame announces it first. It is done after that frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,8 +3,10 @@
 //! the errors and the verdict (`report.rs`).
 
 mod descend;
+mod state;
 
 pub(super) use descend::bounded;
+pub(super) use state::State;
 
 use super::project::{self, Channel, NONLINEAR};
 use super::start::{Bank, Scratch, Start};
@@ -65,15 +67,6 @@ pub struct Workspace {
     lit: [Lit; 2],
     match_scratch: Scratch,
     starts: Vec<Start>,
-}
-
-/// Where the solver stands.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct State {
-    /// ln m, tilt, tilt_y.
-    pub p: [f64; NONLINEAR],
-    pub channels: [Channel; 3],
-    pub chi2: f64,
 }
 
 impl TexelFitter {
@@ -415,35 +408,6 @@ impl Job<'_> {
         for c in 0..3 {
             state.channels[c].slopes(self.fitter.level, &ws.columns, &ws.y[c], &ws.w[c], m, self.tilts);
         }
-    }
-}
-
-impl State {
-    /// How much χ² would rise if ρs were zero, with ρd refitted and everything else fixed.
-    pub fn gloss_chi2(&self) -> f64 {
-        let of = |c: &Channel| {
-            let own = c.ss - if c.dd > 0.0 { c.ds * c.ds / c.dd } else { 0.0 };
-            c.rho_s * c.rho_s * own
-        };
-        self.channels.iter().map(of).sum()
-    }
-
-    /// Takes a small step without evaluating the model: ρd and ρs move as the projection says, and χ² falls as
-    /// predicted.
-    fn shift(&mut self, step: &[f64; NONLINEAR], predicted: f64) {
-        for (p, s) in self.p.iter_mut().zip(step) {
-            *p += s;
-        }
-        for c in &mut self.channels {
-            let mut pull = [0.0; 2];
-            for (z, s) in c.zphi.iter().zip(step) {
-                pull[0] += z[0] * s;
-                pull[1] += z[1] * s;
-            }
-            c.rho_d = (c.rho_d - c.inverse[0][0] * pull[0] - c.inverse[0][1] * pull[1]).max(0.0);
-            c.rho_s = (c.rho_s - c.inverse[1][0] * pull[0] - c.inverse[1][1] * pull[1]).max(0.0);
-        }
-        self.chi2 = (self.chi2 - predicted).max(0.0);
     }
 }
 

@@ -1,0 +1,105 @@
+//! Checks the numbers of a leaf specification.
+
+use super::spec::{Interior, Spec};
+use crate::{Error, Result};
+use std::path::Path;
+
+impl Spec {
+    /// Checks every number against its range.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected.
+    pub(super) fn validate(&self, path: &Path) -> Result<()> {
+        let bad = |field: &str, found: String, expected: &str| Err(Error::unexpected(path, field, found, expected));
+        if self.schema != 1 {
+            return bad("schema", self.schema.to_string(), "1");
+        }
+        if self.name.is_empty() || self.name.contains(['/', '\\', '\n']) {
+            return bad("name", format!("{:?}", self.name), "a name without slashes");
+        }
+        let tube = self.device.tube;
+        let positive = [
+            ("field_mm", self.field_mm[0]),
+            ("field_mm", self.field_mm[1]),
+            ("thickness_mm", self.thickness_mm),
+            ("outline.length_mm", self.outline.length_mm),
+            ("veins.width_mm", self.veins.width_mm[0]),
+            ("veins.width_mm", self.veins.width_mm[1]),
+            ("veins.width_mm", self.veins.width_mm[2]),
+            ("relief.bulge_width_mm", self.relief.bulge_width_mm[0]),
+            ("relief.bulge_width_mm", self.relief.bulge_width_mm[1]),
+            ("relief.wave_length_mm", self.relief.wave_length_mm),
+            ("device.tube.height_mm", tube.height_mm),
+            ("device.tube.length_mm", tube.length_mm),
+            ("device.full_scale", self.device.full_scale),
+            ("front.m", self.front.m),
+            ("back.m", self.back.m),
+        ];
+        for (field, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return bad(field, value.to_string(), "a positive number");
+            }
+        }
+        let colours = [
+            ("interior.sigma_a", self.interior.sigma_a),
+            ("interior.sigma_s", self.interior.sigma_s),
+            ("device.gain", self.device.gain),
+        ];
+        let layers_only = self.interior == Interior::default();
+        for (field, values) in colours.into_iter().skip(if layers_only { 2 } else { 0 }) {
+            if values.iter().any(|v| !(*v > 0.0 && v.is_finite())) {
+                return bad(field, format!("{values:?}"), "three positive numbers");
+            }
+        }
+        for (field, value) in [
+            ("front.rho_s", self.front.rho_s),
+            ("back.rho_s", self.back.rho_s),
+            ("device.dark", self.device.dark),
+            ("device.noise_floor", self.device.noise_floor),
+            ("device.tube.radius_mm", tube.radius_mm),
+            ("margin.tooth_mm", self.margin.tooth_mm),
+            ("veins.tertiary_mm", self.veins.tertiary_mm),
+            ("veins.areole_mm", self.veins.areole_mm),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return bad(field, value.to_string(), "zero or a positive number");
+            }
+        }
+        if tube.radius_mm >= tube.height_mm {
+            return bad("device.tube.radius_mm", tube.radius_mm.to_string(), "less than device.tube.height_mm");
+        }
+        for (field, angle) in [
+            ("device.camera_deg", self.device.camera_deg),
+            ("device.lightbox_camera_deg", self.device.lightbox_camera_deg),
+        ] {
+            if angle.is_nan() || angle.abs() > 85.0 {
+                return bad(field, angle.to_string(), "-85 to 85 degrees");
+            }
+        }
+        if let Some(index) = self.lobe.index()
+            && !(index > 1.0 && index < 4.0)
+        {
+            return bad("lobe.index", index.to_string(), "a refractive index between 1 and 4");
+        }
+        if self.veins.tertiary_mm > 0.0 && self.veins.tertiary_mm < 0.2 {
+            return bad("veins.tertiary_mm", self.veins.tertiary_mm.to_string(), "0, or 0.2 mm and more");
+        }
+        let (profile, polar) = (&self.outline.profile, &self.outline.polar);
+        let rises = |list: Vec<f64>, a: f64, b: f64| {
+            list.len() >= 3 && list[0] == a && list[list.len() - 1] == b && list.windows(2).all(|w| w[1] > w[0])
+        };
+        if profile.is_empty() == polar.is_empty() {
+            return bad("outline", "both or neither of profile and polar".into(), "one of them");
+        }
+        if !profile.is_empty() && !rises(profile.iter().map(|p| p[0]).collect(), 0.0, 1.0) {
+            return bad("outline.profile", "other abscissae".into(), "at least three rows rising from 0 to 1");
+        }
+        if !polar.is_empty() && !rises(polar.iter().map(|p| p[0]).collect(), -180.0, 180.0) {
+            return bad("outline.polar", "other angles".into(), "at least three rows rising from -180 to 180");
+        }
+        if profile.iter().any(|p| p[1] < 0.0 || p[2] < 0.0) || polar.iter().any(|p| p[1] <= 0.0) {
+            return bad("outline", "a negative width".into(), "half widths of zero or more and positive radii");
+        }
+        Ok(())
+    }
+}
