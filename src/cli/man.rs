@@ -4,7 +4,11 @@ use crate::Result;
 use mesophyll_error::Error;
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  mesophyll man | man -l -\n  mesophyll man fit slab > mesophyll-fit-slab.1")]
+#[command(after_help = "Examples:
+  mesophyll man
+  mesophyll man fit slab
+
+To read a page at once, send it to `man -l -`. To keep it, write it into a file: `> mesophyll-fit-slab.1`.")]
 pub struct Args {
     /// The verb, and what follows it: `fit slab`; without one, the page of the whole program
     #[arg(value_name = "VERB")]

@@ -298,4 +298,24 @@ mod tests {
             }
         }
     }
+
+    /// Without a step of Newton's method, a point lies on the bent curve at the place along it that H9 Eq. 4.11 gives. The
+    /// lengths of the simplified motion are kept as well as `docs/plants.md` says. They are summed over a polygon.
+    #[test]
+    fn the_closed_form_keeps_lengths_of_small_bends() {
+        for (tip, allowed) in [(0.1, 0.006), (0.5, 0.07)] {
+            for alpha in [0.1, 0.2, 0.4, 0.7, 1.0] {
+                let shape = shape(alpha);
+                let points = (0..=4000).map(|k| {
+                    let x = 1.0 - (1.0 - f64::from(k) / 4000.0).powi(3);
+                    let bent = length::bend_with(&shape, x, tip / shape.tip(), &[], 0);
+                    [bent.along, bent.across]
+                });
+                let points: Vec<[f64; 2]> = points.collect();
+                let whole: f64 = points.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum();
+                println!("taper {alpha}, tip {tip}: {:+.4}", whole - 1.0);
+                assert!((whole - 1.0).abs() < allowed, "taper {alpha}, tip {tip}: {whole}");
+            }
+        }
+    }
 }

@@ -41,7 +41,7 @@ pub enum Lengths {
     #[default]
     Kept,
     /// As far as H9 Eq. 4.9 to 4.11 keep it ([`mesophyll_plant::length::printed`]), in closed form. A branch whose tip
-    /// moves by a tenth of its length is off by less than 0.5 %, and one whose tip moves by half of it, by up to 6 %.
+    /// moves by a tenth of its length is off by up to 0.6 %, and one whose tip moves by half of it, by up to 7 %.
     Printed,
 }
 
