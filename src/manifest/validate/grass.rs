@@ -5,7 +5,7 @@ use crate::Result;
 
 /// The largest number of rectangles in a lawn. Each is an instance for the path tracer.
 const MOST_TILES: usize = 1_000_000;
-/// The largest number of rectangles in an irregular lawn. Each has 64 instances.
+/// The largest number of rectangles in an irregular lawn. Each has 64 instances for every material of its blades.
 const MOST_IRREGULAR: usize = MOST_TILES / 64;
 /// The largest distance of a lawn's middle from the origin along x or y (mm). Single precision has steps of 1/16 mm
 /// there.

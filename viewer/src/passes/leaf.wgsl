@@ -88,7 +88,8 @@ fn moved(place: Place, by: vec2f) -> Place {
 }
 
 // Whether the normal turns by more than a fifth of the lobe's slope across the pixel. Then the highlight of the mean
-// normal differs from the mean of the highlights. The error grows with the square of the turn; at a fifth it is 0.3 %.
+// normal differs from the mean of the highlights. The error grows with the square of the turn; at a fifth it is
+// 0.3 % to 1.3 %, by the lobe and by whether the normal turns along one axis or both.
 fn uneven(place: Place, facing: Facing, normal: vec3f, slope: f32) -> bool {
     var turn = 0.0;
     for (var i = 0; i < 4; i++) {
@@ -99,8 +100,8 @@ fn uneven(place: Place, facing: Facing, normal: vec3f, slope: f32) -> bool {
     return 4.0 * turn > 0.04 * slope * slope;
 }
 
-// The mean of highlight and cosine over the pixel. The sky's light is that of the mean normal, with which it changes
-// slowly.
+// The mean of highlight and cosine over the pixel. Diffuse sunlight is mean cosine times mean reflectance. The sky's
+// light is that of the mean normal, with which it changes slowly.
 fn mean_highlight(place: Place, facing: Facing, normal: vec3f, gloss: vec4f) -> vec4f {
     if (!uneven(place, facing, normal, max(gloss.a, 1e-3))) {
         return highlight(normal, gloss, facing.view);
@@ -124,7 +125,8 @@ fn mean_highlight(place: Place, facing: Facing, normal: vec3f, gloss: vec4f) -> 
 fn shade(place: Place, facing: Facing, world: vec3f) -> vec3f {
     var out = vec3f(0.0);
     let view = facing.view;
-    // N is the viewed side's mapped normal. The far side's normal F is looked up only where the sun needs it.
+    // N is the viewed side's mapped normal. The far side's normal F is looked up only where the sun or a dome needs
+    // it.
     //#if TANGENT
     let viewed = mapped(facing.front, place, facing.axes);
     //#else

@@ -38,7 +38,7 @@ fn hill_over(p: vec3f) -> vec3f {
 }
 
 // Where a ray comes into the lawn from above, or slightly before; FAR where it does not before `end`. No step is longer
-// than the ray would need where the hill is steepest.
+// than the ray would need where the hill is steepest. After HILL_STEPS steps it is the place that was reached.
 fn hill_entry(eye: vec3f, d: vec3f, start: f32, end: f32) -> f32 {
     let falls = abs(grass.rays[2].w) * sqrt(2.0 * grass.below.w) * 0.60653066 * length(d.xy) - d.z;
     let little = 0.01 * grass.base.w;
@@ -184,8 +184,10 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         ray.seen.sky += ray.left * grass.soil.rgb * soil.sky;
         ray.seen.sun += ray.left * grass.soil.rgb * soil.sun;
         if (at < 0.0) {
-            // The depth is slightly before the ground that the scene draws in nearly the same place.
-            at = ground - 0.02 * grass.base.w / max(-sheared(d, (eye + ground * d).xy).z, 0.05);
+            // The depth is slightly before the ground that the scene draws in nearly the same place: its mesh is higher
+            // than the hill by 1/2300 of the hill's height at most.
+            let before = max(0.02 * grass.base.w, abs(grass.rays[2].w) / 2048.0);
+            at = ground - before / max(-sheared(d, (eye + ground * d).xy).z, 0.05);
         }
     }
     return shown_at(grass.base.xyz + eye + d * at, ray.seen);
