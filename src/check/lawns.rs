@@ -6,6 +6,7 @@
 //! Sunlight on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is computed as if
 //! the blade stood alone.
 
+use crate::cost::median;
 use crate::{Row, blocks, repeats, told};
 use glam::{DVec3, Vec3};
 use mesophyll_error::{Error, Result};
@@ -284,16 +285,15 @@ fn densities(adapter: &str, bar: &Bar) -> Result<Vec<Row>> {
                 times[turn] = frame(renderer, &camera(35.0, 1200.0, 300.0).0, [480, 320])?;
             }
         }
-        times.iter_mut().for_each(|t| t.sort_by(f64::total_cmp));
-        let median = |k: usize| times[k][TURNS / 2];
+        let medians = times.map(|t| median(&t));
         rows.extend(DENSITIES.iter().enumerate().map(|(k, density)| Row {
             knob: "density",
             setting: format!("x {density}: {}", way.name()),
             error: f64::NAN,
-            us: median(k),
+            us: medians[k],
             note: format!(
                 "{:.2} times the time of the thinnest lawn ({:.0} blades a square metre), drawn by turns; 480x320 on {adapter}",
-                median(k) / median(0),
+                medians[k] / medians[0],
                 PER_M2 / 4.0
             ),
         }));

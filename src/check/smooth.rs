@@ -9,32 +9,32 @@
 use crate::{blocks, told};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::progress::Bar;
-use mesophyll_manifest::{Manifest, View};
+use mesophyll_manifest::{Check, Manifest, View};
 use mesophyll_scene::draw::handover;
 use mesophyll_transport::tone;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use serde::Serialize;
 
-/// Pixels along a side of a block of the check's size.
-const BLOCK: usize = 16;
+/// Pixels along a side of a block.
+const BLOCK: usize = Check::FILM_BLOCK as usize;
 
-/// The largest second differences in time of displayed means of blocks.
+/// The second differences in time of displayed means of blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Smooth {
     /// Number of frames.
     pub frames: u32,
     /// Frames a second.
     pub fps: f64,
-    /// Of the film as it is drawn.
+    /// The largest second difference of the film as it is drawn.
     pub drawn: f64,
-    /// Of the film that is drawn in full.
+    /// The largest one of the film that is drawn in full.
     pub in_full: f64,
-    /// Of the difference of both.
+    /// The largest one of the difference of both films.
     pub apart: f64,
-    /// The largest difference that is allowed: four times the scene's tolerance.
+    /// What is allowed for the difference: four times the scene's tolerance.
     pub allowed: f64,
-    /// Frame, column and row of the block in which it is found.
+    /// Frame, and column and row of the block, in which the difference of both films has its largest one.
     pub at: [usize; 3],
 }
 
@@ -68,7 +68,7 @@ type Frame = Vec<[f64; 3]>;
 /// Draws the film of `[check]` seen in `view`; `None` where the scene asks for none.
 ///
 /// # Errors
-/// Those of drawing, and [`Error::Interrupted`] after a stop.
+/// [`Error::Input`] where nothing moves; those of drawing, and [`Error::Interrupted`] after a stop.
 pub fn film(
     manifest: &Manifest,
     view: &View,
@@ -76,16 +76,14 @@ pub fn film(
     renderer: &mut gpu::Renderer,
 ) -> Result<Option<Smooth>> {
     let check = &manifest.check;
-    let frames = (check.seconds * check.fps).round() as u32;
-    if drawn.wind.is_none() || frames < 3 {
+    if check.seconds == 0.0 {
         return Ok(None);
     }
-    let size = [check.width, check.height].map(|n| n as usize / BLOCK * BLOCK);
-    if size.contains(&0) {
-        let field = "check.width";
-        let expected = format!("at least {BLOCK} pixels each way, for the film's blocks");
-        return Err(Error::unexpected(&manifest.path, field, format!("{}x{}", check.width, check.height), expected));
+    if drawn.wind.is_none() {
+        return Err(Error::field(&manifest.path, "check.seconds", "given, but the scene's wind moves nothing"));
     }
+    let frames = check.film_frames();
+    let size = [check.width, check.height].map(|n| n as usize / BLOCK * BLOCK);
     let bar = Bar::new("film", 2 * u64::from(frames));
     let mut shoot = |scene: &viewer::Scene| -> Result<Vec<Frame>> {
         renderer.set_scene(scene).map_err(told)?;

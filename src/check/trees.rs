@@ -4,8 +4,8 @@
 //!
 //! As in the table, shadow maps are drawn for each frame, at rest too.
 
+use crate::cost::median;
 use crate::{Row, told};
-use glam::Vec3;
 use mesophyll_error::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_manifest::Manifest;
@@ -13,7 +13,7 @@ use mesophyll_placed::leaf::Search;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::Scene;
-use mesophyll_transport::compare::flip_map;
+use mesophyll_transport::compare::{flip_map, percentile};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::time::Instant;
@@ -60,8 +60,8 @@ const WAYS: [Way; 4] = [
     Way { name: "4 trees", trees: 4, lit: true, simplified: false, printed: [49.0, 32.0, 5.4] },
 ];
 
-/// A scene with these trees in a wind.
-fn scene(way: &Way) -> Result<viewer::Scene> {
+/// A scene with these trees in a wind, and its camera.
+fn scene(way: &Way) -> Result<(viewer::Scene, viewer::Camera)> {
     let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a tree: {e}")))?;
     let write = |name: &str, bytes: &[u8]| mesophyll_files::atomic::write_bytes(&folder.path().join(name), bytes);
     write("tree.toml", TREE.as_bytes())?;
@@ -103,12 +103,7 @@ fn scene(way: &Way) -> Result<viewer::Scene> {
         };
         out.materials = out.materials.iter().map(plain).collect();
     }
-    Ok(out)
-}
-
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
+    Ok((out, handover::camera(&opened.manifest.views[0])))
 }
 
 /// Two renderers on one adapter.
@@ -131,13 +126,13 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera) -> Res
     pair.moving.set_scene(scene).map_err(told)?;
     let [w, h] = SIZE;
     let mut all = [const { Vec::new() }; 3];
+    let mut lights = rest.clone();
     for k in 0..=FRAMES {
         let wind = viewer::Wind { time_s: STEP * k as f64 };
         let clock = Instant::now();
         // The sun moves by nothing that can be seen, so that its shadow maps are drawn again.
-        let mut lights = rest.clone();
         if let Some(sun) = &mut lights.sun {
-            sun.direction.x += 1e-6 * (1 + k) as f32;
+            sun.direction.x += 1e-6;
             pair.still.set_lights(&lights).map_err(told)?;
         }
         pair.still.draw(camera, w, h).map_err(told)?;
@@ -153,7 +148,7 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera) -> Res
             }
         }
     }
-    let [still, moving, posing] = all.map(median);
+    let [still, moving, posing] = all.map(|times| median(&times));
     Ok(Times { still, moving, posing })
 }
 
@@ -173,24 +168,17 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
         (still, moving) => Pair { still: still.map_err(told)?, moving: moving.map_err(told)? },
     };
     let adapter = pair.moving.adapter().name.clone();
-    let eye = |v: [f32; 3]| Vec3::from(v);
-    let camera = viewer::Camera {
-        eye: eye([-700.0, -8600.0, 1800.0]),
-        target: eye([0.0, 0.0, 2500.0]),
-        up: Vec3::Z,
-        fov_y_deg: 42.0,
-    };
     let mut rows = Vec::new();
     let mut full = Vec::new();
     for way in &WAYS {
-        let scene = scene(way)?;
+        let (scene, camera) = scene(way)?;
         let seen = times(&mut pair, &scene, &camera)?;
         let picture = pair.moving.render(&camera, SIZE[0], SIZE[1]).map_err(told)?.ldr;
         let mut error = f64::NAN;
         if way.simplified {
             let mut off = flip_map(&full, &picture, SIZE[0] as usize, SIZE[1] as usize);
             off.sort_by(f32::total_cmp);
-            error = off.get(off.len() * 99 / 100).map_or(f64::NAN, |v| f64::from(*v));
+            error = percentile(&off, 0.99).map_or(f64::NAN, f64::from);
         } else if way.lit && way.trees == 1 {
             full = picture;
         }

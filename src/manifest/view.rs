@@ -122,6 +122,16 @@ pub struct Check {
     pub seed: u64,
 }
 
+impl Check {
+    /// Pixels along a side of the blocks in which a film is judged.
+    pub const FILM_BLOCK: u32 = 16;
+
+    /// Number of frames of the film.
+    pub fn film_frames(&self) -> u32 {
+        (self.seconds * self.fps).round() as u32
+    }
+}
+
 impl Default for Check {
     fn default() -> Self {
         Check { width: 800, height: 600, samples: 64, frames: 20, seconds: 0.0, fps: 30.0, seed: 1 }

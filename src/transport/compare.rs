@@ -90,7 +90,7 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
 }
 
 /// The smallest of the sorted values that at least the share `p` of the values does not exceed.
-fn percentile<T: Copy>(sorted: &[T], p: f64) -> Option<T> {
+pub fn percentile<T: Copy>(sorted: &[T], p: f64) -> Option<T> {
     let at = (p * sorted.len() as f64).ceil() as usize;
     sorted.get(at.saturating_sub(1)).copied()
 }

@@ -80,7 +80,7 @@ fn describe(manifest: &Manifest, reduced: &Reduced, record: &mut FitRecord) {
     };
     say("gloss", gloss);
     say("normal", "undetermined: light from all sides shows no slopes; maps hold a flat leaf".into());
-    say("color", "the camera's own channels, white by the grey card; no camera profile was used".into());
+    say("color", "the channels of the files, white by the grey card; no camera profile was used".into());
     let by = if reduced.scale.by_ticks { "the ruler's ticks" } else { "two marks of the ruler" };
     say(
         "scale",

@@ -40,9 +40,9 @@ pub enum Lengths {
     /// To the accuracy of the quadrature.
     #[default]
     Kept,
-    /// As far as H9 Eq. 4.9 to 4.11 keep it ([`mesophyll_plant::length::printed`]), in closed form. A branch whose tip
+    /// In closed form: a point lies on the bent curve, at the place along it that H9 Eq. 4.11 gives. A branch whose tip
     /// moves by a tenth of its length is off by up to 0.6 %, and one whose tip moves by half of it, by up to 7 %.
-    Printed,
+    ClosedForm,
 }
 
 /// The angle (rad) after which the posed axis gets a new point. The length of the line of points is then accurate to
@@ -244,7 +244,7 @@ impl Swung {
     fn bent(&self, limb: &Limb, x: f64) -> Bent<f64> {
         let steps = match self.lengths {
             Lengths::Kept => STEPS,
-            Lengths::Printed => 0,
+            Lengths::ClosedForm => 0,
         };
         bend_with(&limb.shape, x, self.size, &NODES, steps)
     }

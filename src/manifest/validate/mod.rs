@@ -8,7 +8,7 @@ mod place;
 mod placements;
 mod views;
 
-use super::Manifest;
+use super::{Check, Manifest};
 use crate::Result;
 use place::{Place, plain};
 
@@ -60,8 +60,18 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     }
     p.range("[check]", 0, "seconds", m.check.seconds, [0.0, 60.0], "s")?;
     p.range("[check]", 0, "fps", m.check.fps, [1.0, 240.0], "frames a second")?;
-    if m.check.seconds > 0.0 && m.wind.is_none() {
-        return Err(p.error("[check]", 0, "seconds", "given, but the scene has no [wind], so that nothing moves"));
+    if m.check.seconds > 0.0 {
+        let least = f64::from(Check::FILM_BLOCK);
+        for (key, value) in [("width", m.check.width), ("height", m.check.height)] {
+            p.range("[check]", 0, key, f64::from(value), [least, f64::INFINITY], "pixels, for a film's blocks")?;
+        }
+        if m.wind.is_none() {
+            return Err(p.error("[check]", 0, "seconds", "given, but the scene has no [wind], so that nothing moves"));
+        }
+        if m.check.film_frames() < 3 {
+            let found = format!("found {} s at {} frames a second", m.check.seconds, m.check.fps);
+            return Err(p.error("[check]", 0, "seconds", format!("{found}, expected at least three frames")));
+        }
     }
     Ok(())
 }
@@ -127,6 +137,21 @@ max_error = 0.1
                 "max_error = 0.1",
                 "max_error = 0.1\ntime_s = 2",
                 "s.toml:21: view.time_s: given, but the scene has no [wind]",
+            ),
+            (
+                "[sun]",
+                "[check]\nseconds = 1\n[sun]",
+                "s.toml:11: check.seconds: given, but the scene has no [wind], so that nothing moves",
+            ),
+            (
+                "[sun]",
+                "[check]\nseconds = 0.05\n[wind]\nspeed_m_s = 3\nseed = 1\n[sun]",
+                "s.toml:11: check.seconds: found 0.05 s at 30 frames a second, expected at least three frames",
+            ),
+            (
+                "[sun]",
+                "[check]\nwidth = 9\nseconds = 1\n[wind]\nspeed_m_s = 3\nseed = 1\n[sun]",
+                "s.toml:11: check.width: found 9, expected at least 16 pixels, for a film's blocks",
             ),
             (
                 "[sun]",

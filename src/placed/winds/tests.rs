@@ -101,6 +101,20 @@ fn kinds_of_flutter_are_counted() {
     assert!(error.contains("plant 1: flutter: leaves cannot flutter where no branch sways"), "{error}");
 }
 
+/// In a light wind, lengths in closed form move sections by almost the same, but not by the same numbers, and neither
+/// is handed out for the other.
+#[test]
+fn lengths_in_closed_form_are_nearly_kept_in_a_light_wind() {
+    let (_, winds) = winds(4.0);
+    let kept = winds.sections(2.0);
+    let closed = winds.sections_with(Lengths::ClosedForm, 2.0);
+    assert_eq!(kept, winds.sections(2.0));
+    let apart = |(a, b): (&Rigid, &Rigid)| a.to.distance(b.to);
+    let moved = kept.iter().map(|s| s.to.distance(s.from)).fold(0.0, f64::max);
+    let worst = kept.iter().zip(closed.iter()).map(apart).fold(0.0, f64::max);
+    assert!(worst > 0.0 && worst < 0.05 * moved, "{worst} mm of {moved} mm");
+}
+
 #[test]
 fn storms_and_far_times_have_a_pose() {
     let (planted, winds) = winds(60.0);

@@ -31,7 +31,7 @@ impl Barks {
 /// motion (H9 §4.8), lengths of branches are corrected in closed form, and normals do not turn.
 pub fn plants(placed: &Placed, simplified: bool, barks: Barks, out: &mut viewer::Scene) {
     let Some(winds) = placed.winds.clone() else { return };
-    let lengths = if simplified { Lengths::Printed } else { Lengths::Kept };
+    let lengths = if simplified { Lengths::ClosedForm } else { Lengths::Kept };
     let section = |r: &Rigid| viewer::Section {
         from: r.from.as_vec3(),
         to: r.to.as_vec3(),
