@@ -3,7 +3,8 @@
 //! Plain division by the white frame would make every white texel 1 in every frame, and the effect of the tube's
 //! distance would be lost. D puts it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
 
-use crate::manifest::{Manifest, Pass, Travel, Tube, texel_position, white_path};
+use crate::manifest::{Manifest, Pass, texel_position, white_path};
+use mesophyll_optics::tube::{Travel, Tube};
 use crate::{Error, Result};
 use mesophyll_files::image::{exr_info, read_exr_rows};
 use rayon::prelude::*;

@@ -4,32 +4,37 @@ use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
+use strum::IntoEnumIterator;
 
 /// How a leaf was measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    strum::Display,
+    strum::EnumIter,
+    strum::EnumMessage,
+    strum::EnumString,
+    strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "lowercase")]
 pub enum Kind {
-    /// A lit tube that travels over the leaf, and a light box.
+    /// A lit tube that travels over the leaf, and a light box
     Tube,
-    /// Photographs under a dome and height scans.
+    /// Photographs under a dome and in front of a back light, and height scans
     Dome,
-    /// Photographs of one side while beams fall on the other.
+    /// Photographs of one side while narrow beams fall on the other
     Beams,
-    /// Photographs in open shade and on a light table.
+    /// Photographs of both sides in open shade, with a grey card and a ruler, and on a light table
     Photo,
 }
 
 impl Kind {
-    /// Every kind.
-    pub const ALL: [Kind; 4] = [Kind::Tube, Kind::Dome, Kind::Beams, Kind::Photo];
-
     /// What the field `kind` says. A scan under a tube has no such field.
     pub fn field(self) -> Option<&'static str> {
-        match self {
-            Kind::Tube => None,
-            Kind::Dome => Some("dome"),
-            Kind::Beams => Some("beams"),
-            Kind::Photo => Some("photo"),
-        }
+        (self != Kind::Tube).then(|| self.into())
     }
 
     fn in_words(self) -> &'static str {
@@ -61,7 +66,7 @@ impl Kind {
 
     fn in_table(table: &toml::Table) -> Option<Kind> {
         let said = table.get("kind").map(|v| v.as_str().unwrap_or_default());
-        Kind::ALL.into_iter().find(|kind| kind.field() == said)
+        Kind::iter().find(|kind| kind.field() == said)
     }
 }
 
@@ -133,7 +138,7 @@ mod tests {
         for (found, text) in texts {
             std::fs::write(dir.path().join("capture.toml"), text).unwrap();
             assert_eq!(Kind::of(dir.path()).unwrap(), Some(found));
-            for expected in Kind::ALL {
+            for expected in Kind::iter() {
                 let outcome = read::<toml::Table>(dir.path(), expected);
                 if found == expected {
                     outcome.unwrap();
@@ -153,7 +158,7 @@ mod tests {
     fn a_fit_is_not_a_capture_of_any_kind() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("fit.toml"), "").unwrap();
-        for kind in Kind::ALL {
+        for kind in Kind::iter() {
             let said = read::<toml::Table>(dir.path(), kind).unwrap_err().to_string();
             assert!(said.contains("found a fit (fit.toml), expected a capture"), "{said}");
             assert!(

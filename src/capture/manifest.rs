@@ -4,6 +4,7 @@ use crate::field::Fields;
 use crate::kind::{self, Kind};
 use crate::{Error, Result};
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::{Travel, Tube};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -46,18 +47,6 @@ pub struct Manifest {
     pub passes: Vec<Pass>,
 }
 
-/// The linear light source: a lit tube parallel to the blade.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tube {
-    /// Height of the tube's axis over the blade (mm).
-    pub height_mm: f64,
-    /// Lit length, centred on the blade (mm).
-    pub length_mm: f64,
-    /// Radius (mm); 0 is an infinitely thin tube.
-    pub radius_mm: f64,
-}
-
 /// How the light box was photographed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -65,26 +54,6 @@ pub struct LightBox {
     /// Camera angle of the light-box photographs.
     #[serde(default)]
     pub camera_deg: f64,
-}
-
-/// Direction of travel: pass `x` has the tube parallel to y moving along x, pass `y` the other way round.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Travel {
-    /// The tube is parallel to y and travels along x.
-    X,
-    /// The tube is parallel to x and travels along y.
-    Y,
-}
-
-impl Travel {
-    /// Its name in files and folders.
-    pub fn name(self) -> &'static str {
-        match self {
-            Travel::X => "x",
-            Travel::Y => "y",
-        }
-    }
 }
 
 /// One pass of the tube: from where to where in how many frames, or the place of every frame.

@@ -2,7 +2,8 @@
 //! size.
 
 use crate::calibrate::Gain;
-use crate::manifest::{Manifest, Travel, frame_path, mirror_path, white_path};
+use crate::manifest::{Manifest, frame_path, mirror_path, white_path};
+use mesophyll_optics::tube::Travel;
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};

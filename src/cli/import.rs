@@ -2,7 +2,7 @@
 
 use crate::named::named;
 use crate::{Common, Result};
-use mesophyll_files::mesh::Unit;
+use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_flora::import::{import, table};
 use std::path::PathBuf;

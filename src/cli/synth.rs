@@ -8,13 +8,14 @@ use crate::{Error, Result};
 use mesophyll_capture::beams::manifest::Beam;
 use mesophyll_capture::beams::synth as beams;
 use mesophyll_capture::dome::synth as dome;
-use mesophyll_capture::manifest::Travel;
+use mesophyll_capture::kind::Kind;
 use mesophyll_capture::photo::synth as photo;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan::{self, Options};
 use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::{claim, progress};
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -35,8 +36,8 @@ pub struct Args {
     #[arg(long, value_name = "WxH", default_value = "720x540")]
     size: String,
     /// How the leaf is measured
-    #[arg(long, value_enum, default_value_t = Acquisition::Tube)]
-    acquisition: Acquisition,
+    #[arg(long, value_parser = named::<Kind>(), default_value_t = Kind::Tube)]
+    acquisition: Kind,
     /// Frames a pass (8 to 10000) [default: 100]
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
@@ -82,26 +83,13 @@ pub struct Args {
     force: bool,
 }
 
-/// The ways to measure a leaf.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Acquisition {
-    /// A lit tube that travels over the leaf, and a light box
-    Tube,
-    /// Photographs under a dome and in front of a back light, and height scans
-    Dome,
-    /// Photographs of one side while narrow beams fall on the other
-    Beams,
-    /// Photographs of both sides in open shade, with a grey card and a ruler, and on a light table
-    Photo,
-}
-
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (width, height) = parse_size(&args.size)?;
     if !(0.0..=1.0).contains(&args.noise) {
         return Err(Error::argument("--noise", args.noise, "0 to 1"));
     }
-    use Acquisition::{Beams, Dome, Tube};
-    let options: [(&str, bool, &[Acquisition], &str); 7] = [
+    use Kind::{Beams, Dome, Tube};
+    let options: [(&str, bool, &[Kind], &str); 7] = [
         ("--frames", args.frames.is_some(), &[Tube], "tube"),
         ("--passes", args.passes.is_some(), &[Tube], "tube"),
         ("--raw-exposures", args.raw_exposures, &[Tube], "tube"),
@@ -116,10 +104,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::Usage(format!("{option}: has no meaning here, expected with --acquisition {needs} only")));
     }
     match args.acquisition {
-        Acquisition::Tube => tube(args, common, width, height),
-        Acquisition::Dome => under_dome(args, common, width, height),
-        Acquisition::Beams => under_beams(args, common, width, height),
-        Acquisition::Photo => in_shade(args, common, width, height),
+        Kind::Tube => tube(args, common, width, height),
+        Kind::Dome => under_dome(args, common, width, height),
+        Kind::Beams => under_beams(args, common, width, height),
+        Kind::Photo => in_shade(args, common, width, height),
     }
 }
 

@@ -2,7 +2,7 @@
 //! ends too early or has values that are not finite is refused with one sentence before it is used.
 
 use crate::atomic::explain;
-use crate::mesh::Unit;
+use crate::unit::Unit;
 use crate::{Error, Result};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;

@@ -14,6 +14,7 @@ pub mod numbers;
 pub mod progress;
 pub mod quantity;
 pub mod table;
+pub mod unit;
 
 pub(crate) use mesophyll_error::{Error, Result};
 

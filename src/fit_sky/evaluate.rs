@@ -1,7 +1,8 @@
 //! Coefficients of skies, from whichever source covers them: one row of what `eval sky` prints.
 
 use crate::window::WindowKind;
-use crate::{Error, Form, Method, Options, Result, SkyModel, fit, folder, standard};
+use crate::{Error, Form, Method, Options, Result, fit, folder, over, standard};
+use mesophyll_sky::SkyModel;
 use mesophyll_files::progress;
 use mesophyll_sky::window::Window;
 use mesophyll_sky::{Coefficients, Model, Refused, irradiance, project};
@@ -59,8 +60,8 @@ impl Evaluator {
         window: WindowKind,
         ground: f64,
     ) -> Result<Evaluator> {
-        let over = model.over(albedo)?;
-        let mut made = Evaluator::without(over, bands, window, ground)?;
+        let sky = over(model, albedo)?;
+        let mut made = Evaluator::without(sky, bands, window, ground)?;
         made.form = polynomials(source, model, made.worked)?;
         Ok(made)
     }
@@ -70,7 +71,7 @@ impl Evaluator {
     /// # Errors
     /// As [`Evaluator::new`], and where the folder is no such fit.
     pub fn of_folder(fit: &Path, bands: usize, window: WindowKind, ground: f64) -> Result<Evaluator> {
-        let mut made = Evaluator::without(SkyModel::Preetham.over(0.0)?, bands, window, ground)?;
+        let mut made = Evaluator::without(over(SkyModel::Preetham, 0.0)?, bands, window, ground)?;
         let (record, form) = folder::read(fit)?;
         if record.options.get("model").map(String::as_str) != Some("preetham") {
             return Err(Error::field(

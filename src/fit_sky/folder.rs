@@ -1,12 +1,13 @@
 //! A fitted sky on disk: `coefficients.json` (the arrays, in f32), `fit.toml`, `times.toml`.
 
 use super::judge::{Judged, Reference, judge};
-use super::{Fitted, Form, Options, SkyModel};
+use super::{Fitted, Form, Options};
 use crate::{Error, Result};
+use mesophyll_sky::SkyModel;
 use mesophyll_files::{atomic, hash};
 use mesophyll_record::maker::{self, Maker};
 use mesophyll_record::{FitKind, FitRecord, Section};
-use mesophyll_sky::fitted::{Basis, Folded, Tensor};
+use mesophyll_sky::fitted::{Polynomials, Folded, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -65,7 +66,7 @@ impl Arrays {
             }
             Form::Tensor(f) => {
                 out.form = "tensor".into();
-                out.basis = if f.basis == Basis::Monomials { "monomials" } else { "chebyshev" }.into();
+                out.basis = if f.basis == Polynomials::Monomials { "monomials" } else { "chebyshev" }.into();
                 (out.powers, out.values) = (f.powers().to_vec(), f.values().to_vec());
             }
         }
@@ -81,8 +82,8 @@ impl Arrays {
             "folded" => Folded::new(self.bands, self.turbidities, self.rows, self.even, self.odd).map(Form::Folded),
             "tensor" => {
                 let basis = match self.basis.as_str() {
-                    "monomials" => Basis::Monomials,
-                    "chebyshev" => Basis::Chebyshev,
+                    "monomials" => Polynomials::Monomials,
+                    "chebyshev" => Polynomials::Chebyshev,
                     other => return Err(format!("basis: found {other:?}, expected monomials or chebyshev")),
                 };
                 let [a, b] = self.powers[..] else {
@@ -118,7 +119,7 @@ pub struct Made {
 pub fn make(out: &Path, options: &Options, model: SkyModel, albedo: f64) -> Result<Made> {
     let options = options.clone();
     maker::make(FitKind::Sky, out, &[], move |maker| {
-        let sky = model.over(albedo)?;
+        let sky = super::over(model, albedo)?;
         let fitted = match model {
             SkyModel::Preetham => super::fit(&options)?,
             SkyModel::HosekWilkie => super::fit_model(&options, sky.as_ref())?,

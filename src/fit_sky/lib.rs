@@ -27,7 +27,7 @@ pub mod window;
 use mesophyll_error::{Error, Result};
 use mesophyll_record::Phase;
 use mesophyll_sky::fitted::{Folded, Tensor};
-use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, preetham};
+use mesophyll_sky::{Coefficients, Model, Preetham, Refused, SkyModel, preetham};
 use mesophyll_solve::{Termination, Trace};
 use std::sync::OnceLock;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -58,31 +58,12 @@ impl Method {
     }
 }
 
-/// The skies that can be fitted and evaluated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
-#[strum(serialize_all = "kebab-case")]
-pub enum SkyModel {
-    /// Preetham, Shirley and Smits (1999): any turbidity, no ground.
-    #[default]
-    Preetham,
-    /// Hošek and Wilkie (2012): with light that the ground sends back.
-    HosekWilkie,
-}
-
-impl SkyModel {
-    /// The model over ground of this albedo, 0 to 1. Preetham's model knows no ground.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for another albedo.
-    pub fn over(self, albedo: f64) -> Result<Box<dyn Model>> {
-        if !(0.0..=1.0).contains(&albedo) {
-            return Err(Error::Usage(format!("--albedo is {albedo}; expected 0 to 1")));
-        }
-        Ok(match self {
-            SkyModel::Preetham => Box::new(Preetham),
-            SkyModel::HosekWilkie => Box::new(HosekWilkie { albedo: [albedo; 3] }),
-        })
-    }
+/// The model over ground of this albedo, as a command names both.
+///
+/// # Errors
+/// [`Error::Usage`] for an albedo outside 0 to 1.
+pub fn over(model: SkyModel, albedo: f64) -> Result<Box<dyn Model>> {
+    model.over(albedo).map_err(|refused| Error::Usage(format!("--{refused}")))
 }
 
 /// What a fit is told.

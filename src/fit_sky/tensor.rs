@@ -9,7 +9,7 @@ use super::nodes;
 use super::{Fitted, Form, Method, Options};
 use mesophyll_record::Phase;
 use mesophyll_sky::Model;
-use mesophyll_sky::fitted::tensor::{self, Basis, Tensor};
+use mesophyll_sky::fitted::tensor::{self, Polynomials, Tensor};
 use mesophyll_sky::project::{Quality, Rule};
 use mesophyll_solve::{Termination, TraceRow};
 use nalgebra::{DMatrix, DVector};
@@ -27,8 +27,8 @@ type Column = Vec<f64>;
 pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
     let clock = Instant::now();
     let basis = match options.method {
-        Method::MonomialsQr | Method::MonomialsNormal => Basis::Monomials,
-        _ => Basis::Chebyshev,
+        Method::MonomialsQr | Method::MonomialsNormal => Polynomials::Monomials,
+        _ => Polynomials::Chebyshev,
     };
     let at_nodes = options.method == Method::Chebyshev;
     let (suns, turbidities, columns, evaluations) = if at_nodes {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields, default)]
 pub struct Stated {
     /// `fsm` uses a table and lobes; `abm` follows rays through the layers, which is slow.
-    pub model: ModelName,
+    pub model: Model,
     /// Absorption of one crossing of the mesophyll for red, green and blue (no unit). Pigments may be given instead.
     pub absorption: Option<[f64; 3]>,
     /// Table of specific absorptions and refractive indices. The pigment contents then determine the absorption.
@@ -75,20 +75,11 @@ impl Stated {
     }
 }
 
-/// The model's name in a scene file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ModelName {
-    #[default]
-    Fsm,
-    Abm,
-}
-
 impl Default for Stated {
     fn default() -> Stated {
         let Oblateness { cuticle, epidermis, palisade, spongy } = Oblateness::USUAL;
         Stated {
-            model: ModelName::Fsm,
+            model: Model::Fsm,
             absorption: None,
             pigments: None,
             wavelengths_nm: fsm::WAVELENGTHS,
@@ -141,10 +132,7 @@ impl super::Manifest {
             }
             stated.chlorophyll_ug_cm2 = stated.chlorophyll(time_s);
             let layers = self.layers(&stated, &fault)?;
-            let model = match stated.model {
-                ModelName::Fsm => Model::Fsm,
-                ModelName::Abm => Model::Abm,
-            };
+            let model = stated.model;
             if model == Model::Abm && self.sun.as_ref().is_some_and(|s| s.radius_deg == 0.0) {
                 let what = "model: found abm under a sun of radius 0, which random rays never hit; expected fsm, or a \
                             sun with a radius_deg above 0";

@@ -1,7 +1,7 @@
 //! The leaves that a scene may show: where their data come from, and how they are drawn.
 
 use super::foliar::Stated;
-use mesophyll_files::mesh::Unit;
+use mesophyll_files::unit::Unit;
 use mesophyll_fit_translucency::{Colour, Options, TissueFrom, TissueName};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_surface::basis::Basis;

@@ -16,7 +16,7 @@ mod view;
 
 pub use grass::Grass;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
-pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
+pub use light::{Day, Shadows, Sky, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use plant::{
     BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
@@ -26,7 +26,7 @@ pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 use mesophyll_error::Fault;
 pub(crate) use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
-use mesophyll_files::mesh::Unit;
+use mesophyll_files::unit::Unit;
 use mesophyll_files::numbers;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
 //! The light of a scene: a sun, a sky, and the hours of a day.
 
+use mesophyll_sky::SkyModel;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -84,14 +85,6 @@ pub enum Shadows {
     Maps,
     /// The share of the sun that every vertex sees, which is computed beforehand.
     Visibility,
-}
-
-/// A physical model of the sky.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SkyModel {
-    /// Preetham, Shirley and Smits (1999).
-    Preetham,
 }
 
 /// A day with solar hours at which the scene is drawn too.

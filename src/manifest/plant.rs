@@ -2,7 +2,7 @@
 
 use super::one;
 use glam::DVec3;
-use mesophyll_files::mesh::Unit;
+use mesophyll_files::unit::Unit;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

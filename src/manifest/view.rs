@@ -1,6 +1,6 @@
 //! The cameras of a scene, and how a picture is checked against its reference.
 
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_optics::side::Side;
 use serde::Deserialize;
 

@@ -21,4 +21,6 @@ pub mod number;
 pub mod slab;
 pub mod tube;
 
-pub use mesophyll_surface::{gloss, side};
+#[doc(hidden)] // for `dispatch_lanes!`
+pub use mesophyll_processor::InstructionSet;
+pub use mesophyll_surface::{defect, gloss, side};

@@ -4,12 +4,13 @@ use super::daylight;
 use super::facing::Facing;
 use super::moves::Moves;
 use super::placement::{self, Placement};
-use crate::fits::source::{self, InputHash, Source, Status};
+use crate::fits::source::{self, InputHash, Source, Freshness};
 use crate::fits::translucency::{self, Translucent};
 use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::DVec3;
-use mesophyll_files::mesh::{self, LeafMesh, Unit};
+use mesophyll_files::mesh::{self, LeafMesh};
+use mesophyll_files::unit::Unit;
 use mesophyll_files::progress::Bar;
 use mesophyll_flora::{file, grow};
 use mesophyll_leaf::{BLADE, LeafFit};
@@ -85,7 +86,7 @@ impl Leaf {
         let sun = daylight::sun_direction(manifest)
             .zip(manifest.sun.as_ref())
             .map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
-        let made = source.as_ref().filter(|s| s.status == Status::Reuse).and_then(|s| s.folder.as_ref());
+        let made = source.as_ref().filter(|s| s.status == Freshness::Reuse).and_then(|s| s.folder.as_ref());
         if let Some(folder) = made {
             out.fitted = Some(
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),

@@ -25,7 +25,7 @@ pub mod winds;
 pub(crate) use mesophyll_error::{Error, Result};
 
 use crate::fits::missing;
-use crate::fits::source::Status;
+use crate::fits::source::Freshness;
 use crate::fits::translucency::Translucent;
 use crate::ledger::Ledger;
 use glam::{DVec2, DVec3};
@@ -120,7 +120,7 @@ impl Placed {
     pub fn untranslucent(&self, manifest: &Manifest) -> Vec<usize> {
         let lacks = |l: &&Leaf| {
             let lit_through = manifest.sun.is_some() && l.facing.through.contains(&true);
-            let made = |t: &Translucent| t.source.status == Status::Reuse;
+            let made = |t: &Translucent| t.source.status == Freshness::Reuse;
             l.fitted.is_some() && lit_through && l.translucent.as_ref().is_some_and(|t| !made(t))
         };
         self.leaves.iter().filter(lacks).map(|l| l.index).collect()

@@ -6,7 +6,6 @@
 //! them whose truth lies inside the interval.
 
 use crate::stress::StressRow;
-use mesophyll_capture::manifest;
 use mesophyll_capture::synth::illumination::Device as Scanner;
 use mesophyll_fit::gloss::synthetic::{Noise, device, ramp};
 use mesophyll_fit::gloss::{TexelFitter, Undetermined, normal_of};
@@ -14,6 +13,7 @@ use mesophyll_fit::leaf::curve::Incidence;
 use mesophyll_fit::leaf::wide::{self, Common, Settings, Texel};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab::{exact, inverse};
+use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -76,8 +76,7 @@ pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
     let known = device(Lobe::Beckmann, 0.01);
     let (x, y) = (ramp(-400.0, 250.0, 40), ramp(-325.0, 325.0, 40));
     let fitter = TexelFitter::new(&known, &x, Some(&y));
-    let tube = manifest::Tube { height_mm: known.height_mm, length_mm: known.length_mm, radius_mm: known.radius_mm };
-    let scanners = [manifest::Travel::X, manifest::Travel::Y].map(|t| Scanner::new(tube, t, 55.0));
+    let scanners = [Travel::X, Travel::Y].map(|t| Scanner::new(known.tube(), t, 55.0));
     let one = |workspace: &mut mesophyll_fit::gloss::Workspace, k: usize| {
         let mut noise = Noise::new(seed + k as u64);
         let rho_s = noise.uniform(0.015, 0.08);

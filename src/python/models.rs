@@ -4,7 +4,8 @@ use crate::bridge::{Cost, Numbers, Stop, Troubles, answered, as_arguments, colum
 use mesophyll_error::Status;
 use mesophyll_optics::dipole::{Form, FormKind, Tissue, verdict};
 use mesophyll_optics::foliar::shares::{Method, shares};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path};
+use mesophyll_optics::side::Side;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -59,8 +60,8 @@ pub fn abm(
     seed: u64,
     out: Numbers,
 ) -> PyResult<Troubles> {
-    let side: Side =
-        side.parse().map_err(|_| PyValueError::new_err(format!("side is {side:?}; expected adaxial or abaxial")))?;
+    let side = Side::of_botanical(side)
+        .ok_or_else(|| PyValueError::new_err(format!("side is {side:?}; expected adaxial or abaxial")))?;
     let path: Path =
         path.parse().map_err(|_| PyValueError::new_err(format!("path is {path:?}; expected slant or sieve")))?;
     // No rays: the exact method.

@@ -2,7 +2,7 @@
 
 use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named, run};
 use mesophyll_error::Status;
-use mesophyll_fit_sky::SkyModel;
+use mesophyll_sky::SkyModel;
 use mesophyll_fit_sky::evaluate::{Evaluator, Source};
 use mesophyll_fit_sky::window::WindowKind;
 use mesophyll_sky::Coefficients;

@@ -2,11 +2,12 @@
 
 use crate::arena::Tree;
 use crate::frame::Bounds;
-use crate::lanes::{Lanes, Level, dispatch};
+use crate::lanes::{Lanes, dispatch};
 use crate::ray::Ray;
 use crate::shape::{Met, Shape};
 use crate::walk::{Local, Visit, walk};
 use glam::{DAffine3, DMat4, DVec3};
+use mesophyll_processor::InstructionSet;
 
 /// A point where a ray hits a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,7 +35,7 @@ pub struct Forest {
     pub(crate) shapes: Vec<Shape>,
     pub(crate) placed: Vec<Instance>,
     pub(crate) tree: Tree,
-    pub(crate) level: Level,
+    pub(crate) instructions: InstructionSet,
     /// Whether many rays at once are followed in turns.
     pub(crate) turns: bool,
 }
@@ -66,12 +67,12 @@ impl Forest {
             .collect();
         let trees = shapes.iter().map(|shape| size_of_val(&shape.triangles[..]) + size_of_val(&shape.tree.lines[..]));
         let bytes = trees.sum::<usize>() + size_of_val(&tree.lines[..]) + size_of_val::<[Instance]>(&placed);
-        Forest { shapes, placed, tree, level: Level::detect(), turns: bytes > LARGE }
+        Forest { shapes, placed, tree, instructions: InstructionSet::detect(), turns: bytes > LARGE }
     }
 
-    /// The same forest at another level, if the processor supports it; for tests and measurements.
-    pub fn at_level(mut self, level: Level) -> Forest {
-        self.level = level.available();
+    /// The same forest searched with other instructions, if the processor has them; for tests and measurements.
+    pub fn with_instructions(mut self, set: InstructionSet) -> Forest {
+        self.instructions = set.or_less();
         self
     }
 
@@ -134,7 +135,7 @@ impl Forest {
     /// is met for sure with t < limit.
     fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
         let forest = self;
-        dispatch!(self.level, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: &mut F) -> bool)
+        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: &mut F) -> bool)
     }
 }
 

@@ -31,6 +31,6 @@ mod triangle;
 mod walk;
 
 pub use forest::{Forest, Hit};
-pub use lanes::{Level, fetch};
+pub use lanes::fetch;
 pub use ray::Ray;
 pub use shape::Shape;

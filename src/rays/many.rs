@@ -31,7 +31,7 @@ impl Forest {
         }
         let mut hits = vec![None; rays.len()];
         let (forest, accept, found) = (self, &accept, &mut hits);
-        dispatch!(self.level, [], [A: Accept],
+        dispatch!(self.instructions, [], [A: Accept],
             follow(forest: &Forest, rays: &[Ray], accept: &A, found: &mut [Option<Hit>]) -> ());
         hits
     }

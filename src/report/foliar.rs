@@ -3,7 +3,7 @@
 use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_optics::foliar::Side;
+use mesophyll_optics::side::Side;
 use mesophyll_proof::foliar::figures::{self, Curve};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -42,7 +42,7 @@ pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     let plots: Vec<(String, Vec<Curve>)> = [30.0, 45.0]
         .into_iter()
         .flat_map(|incidence| {
-            let [abm, fsm] = figures::lobes(Side::Adaxial, incidence);
+            let [abm, fsm] = figures::lobes(Side::Front, incidence);
             [("ABM", abm), ("FSM", fsm)].map(|(name, c)| (format!("{name}, light from above at {incidence}°"), c))
         })
         .collect();

@@ -132,7 +132,7 @@ fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options
     let what = if stacks.len() == 3 { "M (light that comes through over light that falls on the blade)" } else { "f" };
     let say = |name: &str| options.get(name).map_or("", String::as_str);
     let title = match basis {
-        Some(Basis::HalfLife2 | Basis::Bent { count: 3 }) if stacks.len() == 1 => {
+        Some(basis) if basis.drawn().is_some() && stacks.len() == 1 => {
             format!(
                 "Coefficients of {what} on {}; no unit, {} each on a flat uniform leaf",
                 say("basis"),
@@ -180,7 +180,7 @@ fn sun(options: &Options) -> String {
 
 fn function(basis: Option<Basis>, i: usize) -> String {
     match basis {
-        Some(Basis::HalfLife2 | Basis::Bent { count: 3 }) => {
+        Some(basis) if basis.drawn().is_some() => {
             let [x, y, z] = HALF_LIFE_2[i];
             let [azimuth, elevation] = [y.atan2(x), z.asin()].map(|a| plain(a.to_degrees().round()));
             format!("{}: of light around azimuth {azimuth}°, {elevation}° over the blade", i + 1)
@@ -193,7 +193,7 @@ fn function(basis: Option<Basis>, i: usize) -> String {
 /// One wavelength's images. The three functions of a half-life basis are alike and share a scale; other functions have
 /// their own.
 fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPictures {
-    let alike = matches!(basis, Some(Basis::HalfLife2 | Basis::Bent { count: 3 }));
+    let alike = basis.is_some_and(|b| b.drawn().is_some());
     let common = range(side, &stack.planes);
     let pictures = stack.planes.iter().enumerate().filter_map(|(i, plane)| {
         let (low, high) = if alike { common } else { range(side, &[plane]) };

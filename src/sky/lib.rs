@@ -95,6 +95,47 @@ pub trait Model: Send + Sync {
     }
 }
 
+/// The models by name.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    serde::Deserialize,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
+pub enum SkyModel {
+    /// Preetham, Shirley and Smits (1999): any turbidity, no ground.
+    #[default]
+    Preetham,
+    /// Hošek and Wilkie (2012): with light that the ground sends back.
+    HosekWilkie,
+}
+
+impl SkyModel {
+    /// The model over ground of this albedo, 0 to 1. Preetham's model knows no ground.
+    ///
+    /// # Errors
+    /// [`Refused`] for another albedo.
+    pub fn over(self, albedo: f64) -> Result<Box<dyn Model>, Refused> {
+        if !(0.0..=1.0).contains(&albedo) {
+            return Err(Refused(format!("albedo is {albedo}; expected 0 to 1")));
+        }
+        Ok(match self {
+            SkyModel::Preetham => Box::new(Preetham),
+            SkyModel::HosekWilkie => Box::new(HosekWilkie { albedo: [albedo; 3] }),
+        })
+    }
+}
+
 /// A sun that is at most this far below the horizon (rad; two arc seconds) counts as being on it, so that π/2 may be
 /// written with five digits.
 pub(crate) const HORIZON_ROUNDING: f64 = 1e-5;

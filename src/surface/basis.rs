@@ -9,11 +9,11 @@ use serde::Deserialize;
 pub enum Basis {
     /// As published: the three √(3/2π) H_i·ω with the axes H_i of the Half-Life 2 basis (McTaggart 2004).
     #[default]
-    #[serde(rename = "half-life 2")]
+    #[serde(rename = "half-life-2", alias = "half-life 2")]
     HalfLife2,
     /// The same three of a light that is bent towards the normal: x and y are first multiplied by (2z/(1+z))^¼, so that
     /// shadows of relief end at the horizon.
-    #[serde(rename = "bent")]
+    #[serde(rename = "bent-3", alias = "bent")]
     Bent,
 }
 

@@ -36,6 +36,19 @@ impl Side {
         self.into()
     }
 
+    /// The side's name in botany: adaxial is the upper side, which faces the stem, and abaxial the lower one.
+    pub fn botanical(self) -> &'static str {
+        match self {
+            Side::Front => "adaxial",
+            Side::Back => "abaxial",
+        }
+    }
+
+    /// The side of a name from botany.
+    pub fn of_botanical(name: &str) -> Option<Side> {
+        Side::ALL.into_iter().find(|side| side.botanical() == name)
+    }
+
     /// Index in the front's map of the texel that is at `k` in this side's map. Maps are row-major with `width`
     /// columns.
     pub fn in_front(self, k: usize, width: usize) -> usize {

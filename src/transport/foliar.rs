@@ -14,12 +14,14 @@ use crate::lobe::Reflect;
 use glam::DVec3;
 use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Shares, Turned};
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
-use mesophyll_optics::foliar::{Leaf, Side, lobe, ray};
+use mesophyll_optics::foliar::{Leaf, lobe, ray};
+use mesophyll_optics::side::Side;
 use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The choice between the two models.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Model {
     /// A table and lobes.
     #[default]
@@ -226,7 +228,7 @@ impl Foliar {
     /// Shares of one channel's light at `incidence` (radians from the normal of the lit side) that FSM sends into the
     /// patches of the goniometer, ring by ring ([`mesophyll_optics::foliar::goniometer`]).
     pub fn patches(&self, side: Side, incidence: f64, channel: usize) -> Vec<f64> {
-        let back = side == Side::Abaxial;
+        let back = side == Side::Back;
         let view = DVec3::new(incidence.sin(), 0.0, incidence.cos());
         let met = self.meet(view, DVec3::Z, back);
         let shares =

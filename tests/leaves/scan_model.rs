@@ -1,9 +1,8 @@
 //! The code that synthesises a scan and the code that fits it are different. Here their results are compared.
 
-use mesophyll::capture::manifest::{Travel, Tube as SynthTube};
 use mesophyll::capture::synth::illumination::Device;
 use mesophyll::optics::gloss::Lobe;
-use mesophyll::optics::tube::{Model, Precision, Travel as FitTravel, Tube};
+use mesophyll::optics::tube::{Model, Precision, Travel, Tube};
 
 #[test]
 fn synthesis_and_fit_see_the_same_texel() {
@@ -13,16 +12,16 @@ fn synthesis_and_fit_see_the_same_texel() {
 
 /// Largest difference of D and S over both passes, in units of their peaks.
 fn worst(length_mm: f64) -> [f64; 2] {
-    let tube = SynthTube { height_mm: 100.0, length_mm, radius_mm: 2.5 };
+    let tube = Tube { height_mm: 100.0, length_mm, radius_mm: 2.5 };
     let camera = 55f64.to_radians();
     let fit = Model::new(
-        Tube { height_mm: 100.0, length_mm, radius_mm: 2.5 },
+        tube,
         [camera.sin(), 0.0, camera.cos()],
         Lobe::Beckmann,
         &Precision::fine(),
     );
     let mut all = [0.0f64; 2];
-    for (travel, other) in [(Travel::X, FitTravel::X), (Travel::Y, FitTravel::Y)] {
+    for travel in [Travel::X, Travel::Y] {
         let synth = Device::new(tube, travel, 55.0);
         for (at, normal, m) in [
             ([0.0, 0.0], [0.0f64, 0.0, 1.0], 0.2),
@@ -37,7 +36,7 @@ fn worst(length_mm: f64) -> [f64; 2] {
             for k in 0..40 {
                 let position = -400.0 + 650.0 * f64::from(k) / 39.0;
                 let shown = synth.shown(&synth.seen(position, across), along, normal, Some(m), Lobe::Beckmann);
-                let response = fit.response(other, position, at, normal, m);
+                let response = fit.response(travel, position, at, normal, m);
                 for (c, (a, b)) in [(shown.diffuse, response.d), (shown.gloss, response.s)].into_iter().enumerate() {
                     peak[c] = peak[c].max(a);
                     worst[c] = worst[c].max((a - b).abs());

@@ -2,7 +2,8 @@
 //! requests.
 
 use assert_cmd::Command;
-use mesophyll::capture::manifest::{Manifest, Travel, frame_path, mirror_path, texel_position, white_path};
+use mesophyll::capture::manifest::{Manifest, frame_path, mirror_path, texel_position, white_path};
+use mesophyll::optics::tube::Travel;
 use mesophyll::files::image::{exr_info, read_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::side::Side;
@@ -187,12 +188,13 @@ fn every_species_grows() {
 /// the exact method for the stated contents.
 #[test]
 fn a_leaf_of_layers_has_another_truth() {
-    use mesophyll::optics::foliar::{Leaf, Oblateness, Path as Crossing, Side as Lit, exact};
+    use mesophyll::optics::foliar::{Leaf, Oblateness, Path as Crossing, exact};
+use mesophyll::optics::side::Side as Lit;
 
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("soybean");
     synth(&out, "soybean", &["--passes", "x", "--noise", "0"]).success();
-    for (side, lit) in [("front", Lit::Adaxial), ("back", Lit::Abaxial)] {
+    for (side, lit) in [("front", Lit::Front), ("back", Lit::Back)] {
         let truth = read_exr(&out.join(format!("truth/{side}.exr"))).unwrap();
         for none in ["sigma_a.R", "sigma_s.G", "gamma.B"] {
             assert!(truth.get(none).is_none(), "{side} states {none}, which a leaf of layers does not have");

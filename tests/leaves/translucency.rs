@@ -68,7 +68,7 @@ fn the_report_shows_the_maps() {
             "one",
             vec![],
             8,
-            vec!["Coefficients of f on half-life 2", "azimuth \u{2212}120°, 35° over the blade", "0.836 each"],
+            vec!["Coefficients of f on half-life-2", "azimuth \u{2212}120°, 35° over the blade", "0.836 each"],
         ),
         // The coefficients as colours, and as three wavelengths.
         ("rgb", vec!["--colour", "three-wavelengths"], 17, vec!["Coefficients of M", "as colours", "8 blue"]),

@@ -93,6 +93,7 @@ fn a_mistake_in_a_sky_is_named() {
     let dir = tempfile::tempdir().unwrap();
     for (from, to, expected) in [
         ("\"preetham\"", "\"perez\"", "unknown variant `perez`"),
+        ("\"preetham\"", "\"hosek-wilkie\"", "sky.model: found hosek-wilkie, which scenes cannot draw yet"),
         ("turbidity = 3", "turbidity = 12", "sky.turbidity: found 12, expected 1.7 to 10"),
         ("turbidity = 3", "", "sky.turbidity: missing"),
         ("turbidity = 3", "turbidity = 3\nradiance = [1, 1, 1]", "sky.model: given beside radiance"),

@@ -118,7 +118,7 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
     found.leaf_texels = Some(leaf);
     for name in [Side::Front, Side::Back] {
         let (side, pictures) = (r.side(name), capture.pictures(name));
-        let mask: Vec<bool> = side.status.iter().map(|s| *s != super::defect::OUTSIDE).collect();
+        let mask: Vec<bool> = side.status.iter().map(|s| *s != mesophyll_optics::defect::OUTSIDE).collect();
         for (picture, image, reference) in [
             (Picture::Albedo, &pictures.albedo, &capture.white),
             (Picture::Translucency, &pictures.translucency, &capture.empty),

@@ -7,7 +7,6 @@
 //! its column i is the front's column width − 1 − i.
 
 mod align;
-pub mod defect;
 pub mod highlight;
 pub mod inspect;
 pub mod manifest;

@@ -9,7 +9,6 @@
 //! - Normals: from smoothed heights by central differences.
 
 use super::align::Alignment;
-use super::defect::{Defect, GOOD, OUTSIDE};
 use super::highlight::{self, Highlight};
 use super::manifest::{Manifest, Picture};
 use super::noise::deviation;
@@ -18,10 +17,15 @@ use super::shape::{filled, shape};
 use super::visible::visible;
 use crate::lightbox::mask_from_transmission;
 use crate::{Error, Result};
+use mesophyll_optics::defect::{Defect, GOOD, OUTSIDE};
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_translucency::blade::{Blade, Surface};
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+/// The defects that a capture under a dome can have.
+pub const DEFECTS: [Defect; 6] =
+    [Defect::NoReading, Defect::Saturated, Defect::Hole, Defect::Thickness, Defect::Energy, Defect::Dark];
 
 /// The options of the reduction.
 #[derive(Debug, Clone, Copy, Default)]
@@ -104,7 +108,7 @@ impl Reduced {
     pub fn defects(&self, side: Side) -> BTreeMap<&'static str, usize> {
         let status = &self.side(side).status;
         let count = |d: Defect| (d.name(), status.iter().filter(|s| **s == d.code()).count());
-        Defect::ALL.map(count).into_iter().filter(|(_, n)| *n > 0).collect()
+        DEFECTS.map(count).into_iter().filter(|(_, n)| *n > 0).collect()
     }
 }
 

@@ -8,7 +8,8 @@
 
 use super::{Inspection, list_numbers};
 use crate::Result;
-use crate::manifest::{Manifest, Pass, Travel, mirror_path};
+use crate::manifest::{Manifest, Pass, mirror_path};
+use mesophyll_optics::tube::Travel;
 use mesophyll_files::image;
 use serde::Serialize;
 use std::path::Path;

@@ -23,4 +23,4 @@ mod table;
 pub use inspect::{Inspection, inspect};
 pub use manifest::Manifest;
 pub use reduce::reduce;
-pub use reduced::{Defect, Reduced};
+pub use reduced::Reduced;

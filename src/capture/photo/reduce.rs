@@ -13,7 +13,8 @@ use super::grid::{Grid, grid};
 use super::manifest::Manifest;
 use super::outline::{on_sheet, widened};
 use super::picture::Picture;
-use super::reduced::{Defect, Reduced, ReducedSide};
+use super::reduced::{Reduced, ReducedSide};
+use mesophyll_optics::defect::{Defect, GOOD};
 use super::register::{Mask, Match, register};
 use super::ruler::{self, Scale};
 use super::shade::{Lit, card_pixels, lit, noise};
@@ -193,7 +194,7 @@ fn finished(
         } else {
             None
         };
-        status[k] = defect.map_or(1, Defect::code);
+        status[k] = defect.map_or(GOOD, Defect::code);
     }
     let mut figures = lit.figures;
     figures.extend([

@@ -5,46 +5,6 @@ use crate::dome::highlight::Highlight;
 use mesophyll_optics::side::{Side, mirror};
 use std::collections::BTreeMap;
 
-/// What is wrong with a texel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Defect {
-    /// A picture has no reading there.
-    NoReading,
-    /// A picture is clipped there.
-    Saturated,
-    /// So close to the outline that pixels of the pictures mix leaf and surroundings.
-    Edge,
-    /// Transmittance outside 0 to 1.
-    Transmission,
-    /// More light leaves than arrives.
-    Energy,
-    /// Darker than the subtracted gloss.
-    Dark,
-}
-
-impl Defect {
-    /// Every defect.
-    pub const ALL: [Defect; 6] =
-        [Defect::NoReading, Defect::Saturated, Defect::Edge, Defect::Transmission, Defect::Energy, Defect::Dark];
-
-    /// Its code in masks.
-    pub fn code(self) -> i16 {
-        -1 - Defect::ALL.iter().position(|d| *d == self).unwrap_or(0) as i16
-    }
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Defect::NoReading => "no_reading",
-            Defect::Saturated => "saturated",
-            Defect::Edge => "edge",
-            Defect::Transmission => "transmission",
-            Defect::Energy => "energy",
-            Defect::Dark => "dark",
-        }
-    }
-}
-
 /// One side, row-major as its camera saw it; NaN off the leaf.
 #[derive(Debug, Clone)]
 pub struct ReducedSide {
@@ -58,7 +18,7 @@ pub struct ReducedSide {
     pub shared: [f64; 3],
     /// What the surface mirrors, as it was subtracted.
     pub gloss: Highlight,
-    /// 1 good, 0 off the leaf, else a [`Defect`]'s code.
+    /// 1 good, 0 off the leaf, else the code of a defect (`mesophyll_optics::defect`).
     pub status: Vec<i16>,
     /// What was found on the way, by name.
     pub figures: BTreeMap<&'static str, f64>,

@@ -14,7 +14,7 @@
 //! 0.03 (tested against area elements of the cylinder). This code shares only the name of a lobe with the fit.
 
 use super::slab_truth::gauss_legendre;
-use crate::manifest::{Travel, Tube};
+use mesophyll_optics::tube::{Travel, Tube};
 use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
@@ -91,14 +91,6 @@ impl Device {
         Device { tube, travel, view: [s, 0.0, c], across, panel: gauss_legendre(10) }
     }
 
-    /// Components along travel, along the tube, up.
-    fn turned(&self, v: [f64; 3]) -> [f64; 3] {
-        match self.travel {
-            Travel::X => v,
-            Travel::Y => [v[1], v[0], v[2]],
-        }
-    }
-
     /// The tube at `position` (mm) seen from a texel at `at` (mm), both along the direction of travel.
     pub fn seen(&self, position: f64, at: f64) -> Seen {
         let (height, radius) = (self.tube.height_mm, self.tube.radius_mm);
@@ -121,7 +113,7 @@ impl Device {
     /// The value of a texel. `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its
     /// roughness. Without roughness only the diffuse part is computed.
     pub fn shown(&self, seen: &Seen, along: f64, normal: [f64; 3], m: Option<f64>, lobe: Lobe) -> Shown {
-        let (n, v) = (self.turned(normal), self.turned(self.view));
+        let (n, v) = (self.travel.local(normal), self.travel.local(self.view));
         let facing = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
         if facing <= 0.0 {
             return Shown::default();

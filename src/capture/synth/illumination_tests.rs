@@ -2,7 +2,7 @@
 
 use super::illumination::{Device, Shown};
 use super::slab_truth::gauss_legendre;
-use crate::manifest::{Travel, Tube};
+use mesophyll_optics::tube::{Travel, Tube};
 use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 

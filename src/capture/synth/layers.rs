@@ -8,7 +8,8 @@ use super::slab_truth::Axis;
 use crate::{Error, Result, pigments};
 use mesophyll_optics::foliar::exact::{self, Prepared};
 use mesophyll_optics::foliar::pigments::{Constants, Contents};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path};
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -186,7 +187,7 @@ pub(super) struct Held {
 
 /// The lights: for both sides along the normal, and at the cosine of the light box's camera.
 fn lights(oblique: f64) -> [(Side, f64); 4] {
-    let [a, b] = [Side::Adaxial, Side::Abaxial];
+    let [a, b] = [Side::Front, Side::Back];
     [(a, 0.0), (b, 0.0), (a, oblique.acos()), (b, oblique.acos())]
 }
 
@@ -274,7 +275,7 @@ mod tests {
             let narrow = [0.02, 0.0313, 0.11, 0.37, 0.9, 2.3, 3.7].map(|d| (d, &usual));
             for (depth, (table, tabulated)) in wide.into_iter().chain(narrow) {
                 let leaf = Leaf { depth, ..foliar.leaf(1).unwrap() };
-                let lights = [(Side::Adaxial, 0.0), (Side::Abaxial, 0.0), (Side::Abaxial, 40f64.to_radians())];
+                let lights = [(Side::Front, 0.0), (Side::Back, 0.0), (Side::Back, 40f64.to_radians())];
                 let want = exact::responses(&leaf, &lights).unwrap();
                 let got = table.at(depth);
                 for k in 0..2 {

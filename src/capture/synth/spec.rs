@@ -2,7 +2,7 @@
 //! is scanned. Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
 use super::layers::Foliar;
-use crate::manifest::Tube;
+use mesophyll_optics::tube::Tube;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_optics::gloss::Lobe;

@@ -1,5 +1,6 @@
 //! `mesophyll eval abm`: a leaf's layers, and the light that they reflect, absorb and let through.
 
+use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
@@ -7,8 +8,9 @@ use mesophyll_files::table::{self, Answer, BatchIo, Row, Spec, Table};
 use mesophyll_fit::foliar::pigments;
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
 use mesophyll_optics::foliar::pigments::{Contents, SUBSTANCES, Spectrum};
-use mesophyll_optics::foliar::shares::{Method as How, own_seed, shares as of_light, unsettled};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side, fsm, walk};
+use mesophyll_optics::foliar::shares::{Method, MethodKind, own_seed, shares as of_light, unsettled};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path, fsm, walk};
+use mesophyll_optics::side::Side;
 use std::path::PathBuf;
 
 /// CSV columns `incidence_deg,side,absorption_per_mm,mesophyll_thickness_mm,n_cuticle,n_mesophyll,n_antidermal` →
@@ -22,8 +24,8 @@ pub struct Args {
     #[command(flatten)]
     io: BatchIo,
     /// monte-carlo: random rays; exact: no noise, 2e-5
-    #[arg(long, value_enum, default_value_t = Method::MonteCarlo)]
-    method: Method,
+    #[arg(long, value_parser = named::<MethodKind>(), default_value_t = MethodKind::MonteCarlo)]
+    method: MethodKind,
     /// Rays a row, with the method monte-carlo (default: 1000000, and 10000000 with --goniometer)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
     rays: Option<u64>,
@@ -41,12 +43,6 @@ pub struct Args {
     /// nm: 181 rows for each case
     #[arg(long)]
     table: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Method {
-    MonteCarlo,
-    Exact,
 }
 
 const INDICES: [&str; 3] = ["n_cuticle", "n_mesophyll", "n_antidermal"];
@@ -98,10 +94,10 @@ impl Case<'_> {
             return Err(format!("incidence_deg is {incidence}; expected 0 to below 90"));
         }
         let side = self.row.text(0).unwrap_or_default();
-        let side = match side.parse::<Side>() {
-            Ok(side) => side,
-            Err(_) if side.is_empty() => return Err("side is empty".into()),
-            Err(_) => return Err(format!("side is {side:?}; expected adaxial or abaxial")),
+        let side = match Side::of_botanical(side) {
+            Some(side) => side,
+            None if side.is_empty() => return Err("side is empty".into()),
+            None => return Err(format!("side is {side:?}; expected adaxial or abaxial")),
         };
         Ok((side, incidence.to_radians()))
     }
@@ -151,7 +147,7 @@ impl Case<'_> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    if args.goniometer && args.method == Method::Exact {
+    if args.goniometer && args.method == MethodKind::Exact {
         return Err(Error::Usage(
             "--goniometer needs --method monte-carlo; the exact method knows how much light leaves, not where".into(),
         ));
@@ -225,16 +221,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 /// How the shares are found.
-fn how(args: &Args) -> How {
+fn method(args: &Args) -> Method {
     match args.method {
-        Method::Exact => How::Exact,
-        Method::MonteCarlo => How::MonteCarlo { rays: args.rays.unwrap_or(1_000_000), seed: args.seed },
+        MethodKind::Exact => Method::Exact,
+        MethodKind::MonteCarlo => Method::MonteCarlo { rays: args.rays.unwrap_or(1_000_000), seed: args.seed },
     }
 }
 
 /// Shares of the light: reflectance, transmittance and their standard errors.
 fn outcome(args: &Args, leaf: &Leaf, side: Side, incidence: f64) -> std::result::Result<[(f64, f64); 2], String> {
-    of_light(leaf, side, incidence, how(args), &progress::stop_requested)
+    of_light(leaf, side, incidence, method(args), &progress::stop_requested)
 }
 
 fn shares(args: &Args, case: &Case) -> std::result::Result<Vec<f64>, String> {
@@ -270,8 +266,8 @@ fn channels(args: &Args, case: &Case, begin: impl Fn() -> Vec<f64>) -> std::resu
     for wavelength in fsm::WAVELENGTHS {
         let (leaf, _) = case.leaf(wavelength)?;
         columns.push(match args.method {
-            Method::Exact => fsm::table(&leaf).ok_or_else(unsettled)?,
-            Method::MonteCarlo => {
+            MethodKind::Exact => fsm::table(&leaf).ok_or_else(unsettled)?,
+            MethodKind::MonteCarlo => {
                 let row = |k: usize| {
                     let (side, incidence) = fsm::light(k);
                     let [(r, _), (through, _)] = outcome(args, &leaf, side, incidence)?;

@@ -5,7 +5,7 @@ use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::image::{Packing, write_exr};
 use mesophyll_files::{claim, progress};
-use mesophyll_fit_sky::SkyModel;
+use mesophyll_sky::SkyModel;
 use mesophyll_fit_sky::panorama::projection::{Projection, ProjectionKind};
 use mesophyll_fit_sky::panorama::render::{Shot, render};
 use std::path::PathBuf;
@@ -92,7 +92,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !args.sun_azimuth_deg.is_finite() {
         return Err(Error::Usage(format!("--sun-azimuth-deg is {}; expected a number", args.sun_azimuth_deg)));
     }
-    let model = args.model.over(args.albedo)?;
+    let model = mesophyll_fit_sky::over(args.model, args.albedo)?;
     let sky = model.sky(args.sun_zenith_deg.to_radians(), args.turbidity).map_err(|e| Error::Usage(e.to_string()))?;
     let shot = Shot {
         projection,

@@ -5,7 +5,7 @@ use crate::named::named;
 use crate::{Common, batch, tables};
 use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table};
-use mesophyll_fit_sky::SkyModel;
+use mesophyll_sky::SkyModel;
 use mesophyll_fit_sky::evaluate::{Evaluator, Source};
 use mesophyll_fit_sky::window::WindowKind;
 use mesophyll_sky::harmonics::MOST_BANDS;

@@ -8,7 +8,8 @@ use mesophyll_files::table::{self, Answer, BatchIo, GroupRow, Groups, Spec, Tabl
 use mesophyll_fit::foliar::surface::{MOST_OBLATE, Setting};
 use mesophyll_fit::foliar::{Known, Model, Parameter, Reading, pigments};
 use mesophyll_optics::foliar::pigments::Spectrum;
-use mesophyll_optics::foliar::{Oblateness, Path, Side};
+use mesophyll_optics::foliar::{Oblateness, Path};
+use mesophyll_optics::side::Side;
 use mesophyll_report::spectrum::{self, Line, Panel};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -136,8 +137,8 @@ const LONG: [&str; 4] = ["R", "T", "R_err", "T_err"];
 /// The lit side that a cell names; the upper one where it names none.
 fn side(word: Option<&str>) -> std::result::Result<Side, String> {
     match word.unwrap_or_default() {
-        "" => Ok(Side::Adaxial),
-        word => word.parse().map_err(|_| format!("side is {word:?}; expected adaxial or abaxial")),
+        "" => Ok(Side::Front),
+        word => Side::of_botanical(word).ok_or_else(|| format!("side is {word:?}; expected adaxial or abaxial")),
     }
 }
 
@@ -178,7 +179,7 @@ fn wide(
     // One light for each wavelength and side, so that R and T of one light share what is computed.
     let mut lights: Vec<(f64, Side)> = Vec::new();
     for c in &columns {
-        for side in [Side::Adaxial, Side::Abaxial] {
+        for side in [Side::Front, Side::Back] {
             if !lights.contains(&(c.wavelength, side)) {
                 lights.push((c.wavelength, side));
             }
@@ -196,14 +197,14 @@ fn wide(
         ..Spec::default()
     };
     if table.column("side").is_none() && columns.iter().all(|c| !c.abaxial) {
-        model.prepare(Side::Adaxial);
+        model.prepare(Side::Front);
     }
     let stated = args.noise.is_some() || columns.iter().all(|c| table.column(&format!("{}_err", c.name)).is_some());
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let answer = side(row.text(0)).and_then(|lit| {
             let mut readings: Vec<Reading> = Vec::new();
             for (k, c) in columns.iter().enumerate() {
-                let side = if c.abaxial { Side::Abaxial } else { lit };
+                let side = if c.abaxial { Side::Back } else { lit };
                 let light = lights.iter().position(|l| *l == (c.wavelength, side)).unwrap_or(0);
                 let (value, err) = (row.get(k), row.get(columns.len() + k));
                 if !value.is_nan() {
@@ -242,7 +243,7 @@ fn long(
     };
     let groups = Groups::read(table, &spec, "leaf")?;
     let light_of = |row: &GroupRow| side(row.texts[0].as_deref()).map(|side| (row.values[0], side));
-    let key = |(wavelength, side): (f64, Side)| (wavelength.to_bits(), side == Side::Abaxial);
+    let key = |(wavelength, side): (f64, Side)| (wavelength.to_bits(), side == Side::Back);
     // Rows outside the range of the table of pigments cause their leaf to be refused below.
     let [low, high] = spectrum.range();
     let mut lights: Vec<(f64, Side)> =
@@ -252,7 +253,7 @@ fn long(
     let places: HashMap<_, _> = lights.iter().enumerate().map(|(k, l)| (key(*l), k)).collect();
     let model =
         Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
-    for side in [Side::Adaxial, Side::Abaxial] {
+    for side in [Side::Front, Side::Back] {
         model.prepare(side);
     }
     spec.outputs = model.outputs();

@@ -6,7 +6,8 @@ use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_sky::panorama::{self, picture::Channels, projection::ProjectionKind};
-use mesophyll_fit_sky::{self as fits, Method, Options, SkyModel, folder};
+use mesophyll_fit_sky::{self as fits, Method, Options, folder};
+use mesophyll_sky::SkyModel;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "Examples:

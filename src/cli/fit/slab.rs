@@ -6,6 +6,7 @@ use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
+use mesophyll_files::unit::Unit;
 use mesophyll_fit::slab::{self, Measured, Options};
 use mesophyll_optics::slab::inverse::Precision;
 use mesophyll_report::spectrum::{self, Line, Panel};
@@ -38,8 +39,8 @@ pub struct Args {
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in mm)
-    #[arg(long, value_enum)]
+    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm`, `_cm` or `_m`; a column `h` is in mm)
+    #[arg(long, value_parser = named::<Unit>())]
     thickness_unit: Option<Unit>,
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit: light that never entered the leaf, some
     /// 0.03 to 0.05 where the instrument kept the mirror reflection
@@ -49,13 +50,6 @@ pub struct Args {
     /// and wavelengths
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Unit {
-    Mm,
-    Um,
-    M,
 }
 
 /// Names of the column with the leaf's name; the first one that exists is used.
@@ -150,11 +144,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let options = Options { precision: args.method, noise: args.noise, surface: args.surface };
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
-    let scale = match unit {
-        None | Some(Unit::Mm) => 1.0,
-        Some(Unit::Um) => 1e-3,
-        Some(Unit::M) => 1e3,
-    };
+    let scale = unit.unwrap_or(Unit::Millimetre).mm();
     let without_errors = AtomicUsize::new(0);
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let thickness = row.get(if wide.is_empty() { 2 } else { 0 });
@@ -230,22 +220,17 @@ fn not_in_mm(column: &str, thickness: f64) -> String {
 /// millimetres would look like an answer.
 fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
-    let named = match suffix {
-        "mm" => Some(Unit::Mm),
-        "um" | "µm" | "μm" | "micron" | "microns" => Some(Unit::Um),
-        "m" => Some(Unit::M),
-        "cm" | "dm" | "nm" | "km" | "in" | "inch" | "inches" | "mil" | "mils" | "ft" => {
-            return Err(Error::Usage(format!(
-                "the thickness column {column:?} is in {suffix:?}; expected mm, um or m"
-            )));
-        }
-        _ => None,
-    };
+    let named = suffix.parse::<Unit>().ok();
+    if ["dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
+        return Err(Error::Usage(format!(
+            "the thickness column {column:?} is in {suffix:?}; expected um, mm, cm or m"
+        )));
+    }
     match (named, asked) {
         (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
             "--thickness-unit contradicts the unit in the name of the thickness column, {column:?}"
         ))),
-        (None, None) if column == "h" => Ok(Some(Unit::Mm)),
+        (None, None) if column == "h" => Ok(Some(Unit::Millimetre)),
         (named, asked) => Ok(asked.or(named)),
     }
 }

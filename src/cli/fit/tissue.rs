@@ -4,7 +4,7 @@ use crate::named::named;
 use crate::{Common, place};
 use crate::{Error, Result};
 use mesophyll_fit_translucency::inverse::run::{Options, Start, run as fit};
-use mesophyll_fit_translucency::inverse::{self};
+use mesophyll_fit_translucency::inverse::{self, Incidence};
 use mesophyll_fit_translucency::tissue::Entry;
 use mesophyll_record::FitRecord;
 use mesophyll_translucency::convolve::Totals;
@@ -45,8 +45,8 @@ pub struct Args {
     totals: Totals,
     /// Transmission of an oblique beam. slant: from the transport equation; normal: the same as for a beam along the
     /// normal, as the renderers assume
-    #[arg(long, value_enum, default_value_t = IncidenceName::Slant)]
-    incidence: IncidenceName,
+    #[arg(long, value_parser = named::<Incidence>(), default_value_t = Incidence::Slant)]
+    incidence: Incidence,
     /// Where the search begins: the leaf fit's slab, or the sources' table
     #[arg(long, value_parser = named::<Start>(), default_value_t = Start::Slab)]
     start: Start,
@@ -62,12 +62,6 @@ pub struct Args {
     force: bool,
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum IncidenceName {
-    Slant,
-    Normal,
-}
-
 fn options(args: &Args) -> Result<Options> {
     if !(args.g.abs() < 1.0) {
         return Err(Error::Usage(format!("--g: found {}, expected between -1 and 1", args.g)));
@@ -78,10 +72,9 @@ fn options(args: &Args) -> Result<Options> {
         return Err(Error::Usage(format!("--margin-mm: found {margin}, expected 0 or more")));
     }
     let totals = args.totals;
-    let slant = matches!(args.incidence, IncidenceName::Slant);
     let levels = usize::from(args.levels);
     Ok(Options {
-        fit: inverse::Options { levels, totals, slant, fix_scale: args.fix_scale, ..inverse::Options::default() },
+        fit: inverse::Options { levels, totals, incidence: args.incidence, fix_scale: args.fix_scale, ..inverse::Options::default() },
         g: args.g,
         entry: args.entry,
         start: args.start,

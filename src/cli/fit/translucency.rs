@@ -1,5 +1,6 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use crate::named::named;
 use crate::{Common, place};
 use crate::{Error, Result};
@@ -10,7 +11,7 @@ use mesophyll_fit_translucency::tissue::Entry;
 use mesophyll_fit_translucency::{Area, Colour, Options, TissueFrom, TissueName, run as fit};
 use mesophyll_optics::dipole::{Form, FormKind};
 use mesophyll_record::FitRecord;
-use mesophyll_translucency::basis::BasisKind;
+use mesophyll_translucency::basis::Basis;
 use mesophyll_translucency::lights::RuleKind;
 use std::path::PathBuf;
 
@@ -76,10 +77,9 @@ pub struct Args {
     /// in the sources
     #[arg(long, value_parser = named::<RuleKind>(), default_value_t = RuleKind::Spiral)]
     placed: RuleKind,
-    /// Functions of direction: half-life-2 and bent-3 (3, which the renderers evaluate), bent-6, h-basis (6), cosine
-    /// (6), spherical (9), hemispherical (9)
-    #[arg(long, value_parser = named::<BasisKind>(), default_value_t = BasisKind::HalfLife2)]
-    basis: BasisKind,
+    /// Functions of direction, with their number; the renderers evaluate half-life-2 and bent-3
+    #[arg(long, value_parser = basis(), default_value = "half-life-2")]
+    basis: Basis,
     /// One light at this elevation over the blade, instead of a basis
     #[arg(
         long,
@@ -95,6 +95,12 @@ pub struct Args {
     /// Compute again although the folder already holds this very fit
     #[arg(long)]
     force: bool,
+}
+
+/// Reads one of the bases that are offered.
+fn basis() -> impl TypedValueParser<Value = Basis> {
+    let shown = Basis::OFFERED.map(|basis| PossibleValue::new(basis.name()).help(basis.describe()));
+    PossibleValuesParser::new(shown).try_map(|name| Basis::named(&name).ok_or("not the name of a basis"))
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -142,7 +148,7 @@ fn options(args: &Args) -> Result<Options> {
         form: Form::of(args.form, args.dipoles.unwrap_or(3)),
         levels: usize::from(args.levels),
         lights: args.placed.rule(args.lights as usize),
-        basis: args.basis.basis(),
+        basis: args.basis,
         sun,
         force: args.force,
     })

@@ -3,7 +3,7 @@
 
 use super::{Constants, Evaluator, Kind, constants, listed};
 use mesophyll_sky::Coefficients;
-use mesophyll_sky::fitted::Basis;
+use mesophyll_sky::fitted::Polynomials;
 use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
@@ -175,17 +175,17 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
     ));
 }
 
-fn tensor(out: &mut String, e: &Evaluator, basis: Basis, [a, b]: [usize; 2]) {
+fn tensor(out: &mut String, e: &Evaluator, basis: Polynomials, [a, b]: [usize; 2]) {
     let [low, high] = e.turbidities;
     let body = match basis {
-        Basis::Chebyshev => format!(
+        Polynomials::Chebyshev => format!(
             "        const double x = sun_zenith * 1.2732395447351628 - 1.0, y = (2.0 * turbidity - {:?}) / {:?};
         for (i = 0; i < {a}; i++) p[i] = i == 0 ? 1.0 : i == 1 ? x : 2.0 * x * p[i - 1] - p[i - 2];
         for (j = 0; j < {b}; j++) q[j] = j == 0 ? 1.0 : j == 1 ? y : 2.0 * y * q[j - 1] - q[j - 2];\n",
             low + high,
             high - low
         ),
-        Basis::Monomials => format!(
+        Polynomials::Monomials => format!(
             "        for (i = 0; i < {a}; i++) p[i] = i == 0 ? 1.0 : sun_zenith * p[i - 1];
         for (j = 0; j < {b}; j++) q[j] = j == 0 ? 1.0 : turbidity * q[j - 1];\n"
         ),

@@ -4,7 +4,7 @@ use super::{Evaluator, Kind, SkyOptions, constants};
 use crate::{Error, Result};
 use mesophyll_record::{FitRecord, Times};
 use mesophyll_sky::Coefficients;
-use mesophyll_sky::fitted::Basis;
+use mesophyll_sky::fitted::Polynomials;
 use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -101,7 +101,7 @@ pub fn polynomials(e: &Evaluator, record: &FitRecord, folder: &Path, ground: f64
         }
         Kind::Tensor { basis, powers } => json!({
             "form": "tensor",
-            "basis": if *basis == Basis::Chebyshev { "chebyshev" } else { "monomials" },
+            "basis": if *basis == Polynomials::Chebyshev { "chebyshev" } else { "monomials" },
             "powers": powers,
             "evaluation": [
                 "chebyshev: sun_zenith and turbidity scaled to -1 .. 1 over their domains; monomials: as they are",

@@ -10,7 +10,7 @@ use crate::{Error, Result};
 use mesophyll_fit_sky::{Form, folder};
 use mesophyll_record::FitRecord;
 use mesophyll_sky::fitted::mix::{TURBIDITY_ZERO, rgb_from_separable};
-use mesophyll_sky::fitted::{Basis, Folded};
+use mesophyll_sky::fitted::{Polynomials, Folded};
 use mesophyll_sky::irradiance::{add_ground, below_horizon};
 use mesophyll_sky::{Coefficients, preetham};
 use std::f64::consts::PI;
@@ -56,7 +56,7 @@ enum Kind {
     /// Terms in v for each power of θs; u → linear sRGB by K diag(p) B.
     Folded { rows: Vec<usize>, back: [[f64; 3]; 3] },
     /// Powers of θs and τ.
-    Tensor { basis: Basis, powers: [usize; 2] },
+    Tensor { basis: Polynomials, powers: [usize; 2] },
 }
 
 impl Evaluator {

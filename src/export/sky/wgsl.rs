@@ -3,7 +3,7 @@
 
 use super::{Constants, Evaluator, Kind, constants, listed};
 use mesophyll_sky::Coefficients;
-use mesophyll_sky::fitted::Basis;
+use mesophyll_sky::fitted::Polynomials;
 use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
@@ -234,15 +234,15 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
     ));
 }
 
-fn tensor(out: &mut String, e: &Evaluator, basis: Basis, [a, b]: [usize; 2]) {
+fn tensor(out: &mut String, e: &Evaluator, basis: Polynomials, [a, b]: [usize; 2]) {
     let [low, high] = e.turbidities;
     let (x, y, twice) = match basis {
-        Basis::Chebyshev => (
+        Polynomials::Chebyshev => (
             format!("sun_zenith * {} - 1.0", number(4.0 / std::f64::consts::PI)),
             format!("(2.0 * turbidity - {}) * {}", number(low + high), number(1.0 / (high - low))),
             true,
         ),
-        Basis::Monomials => ("sun_zenith".into(), "turbidity".into(), false),
+        Polynomials::Monomials => ("sun_zenith".into(), "turbidity".into(), false),
     };
     let step = |v: &str, name: &str| {
         if twice { format!("2.0 * {v} * {name}[k - 1u] - {name}[k - 2u]") } else { format!("{v} * {name}[k - 1u]") }

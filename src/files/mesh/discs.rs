@@ -1,6 +1,7 @@
 //! Discs from a plain list of numbers, the form of canopies in remote sensing.
 
-use super::{LeafMesh, Unit};
+use super::LeafMesh;
+use crate::unit::Unit;
 use crate::{Error, Result, numbers};
 use glam::{DVec2, DVec3};
 use std::path::Path;

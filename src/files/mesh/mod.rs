@@ -17,46 +17,6 @@ pub use discs::read_discs;
 pub use read::{read, read_plain};
 
 use glam::{DMat4, DVec2, DVec3};
-use serde::Deserialize;
-
-/// What one unit of a file's lengths is.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Deserialize,
-    strum::IntoStaticStr,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::EnumMessage,
-)]
-pub enum Unit {
-    #[serde(rename = "mm")]
-    #[strum(serialize = "mm")]
-    /// Lengths in mm.
-    Millimetre,
-    #[serde(rename = "cm")]
-    #[strum(serialize = "cm")]
-    /// Lengths in cm.
-    Centimetre,
-    #[serde(rename = "m")]
-    #[strum(serialize = "m")]
-    /// Lengths in m, which glTF asks for.
-    Metre,
-}
-
-impl Unit {
-    /// In mm.
-    pub fn mm(self) -> f64 {
-        match self {
-            Unit::Millimetre => 1.0,
-            Unit::Centimetre => 10.0,
-            Unit::Metre => 1000.0,
-        }
-    }
-}
 
 /// A triangle mesh. All lists but `indices` have one entry a vertex.
 #[derive(Debug, Clone, Default, PartialEq)]

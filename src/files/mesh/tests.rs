@@ -1,6 +1,7 @@
 //! Meshes as files: what is computed, what is refused, and how damaged files end.
 
 use super::*;
+use crate::unit::Unit;
 use std::path::Path;
 
 /// A dome over the unit square of texture coordinates, and the file it makes; `keep` says which attributes go in.

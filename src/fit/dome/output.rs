@@ -5,7 +5,7 @@ use super::{Fitted, Options};
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid, glb, mesh};
 use mesophyll_capture::dome::Capture;
-use mesophyll_capture::dome::defect::Defect;
+use mesophyll_capture::dome::reduce::DEFECTS;
 use mesophyll_capture::dome::highlight::fresnel_normal;
 use mesophyll_capture::dome::reduce::Reduced;
 use mesophyll_files::hash;
@@ -31,7 +31,7 @@ pub fn write(
 ) -> Result<()> {
     let m = &capture.manifest;
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
-    record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
+    record.defects = DEFECTS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("capture_kind", "dome".into());
     say("size", format!("{}x{}", m.width, m.height));

@@ -10,7 +10,7 @@ pub mod surface;
 pub use mesophyll_capture::pigments;
 
 use mesophyll_files::table::{Answer, Status};
-use mesophyll_optics::foliar::Side;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
 use mesophyll_solve::{Closure, Noise, Options as Solver, Problem, global};
 use shared::Shared;
@@ -148,7 +148,7 @@ impl Model {
         let mut kinds: HashMap<(bool, [u64; 3]), usize> = HashMap::new();
         let mut place = |(_, side, constants): &(f64, Side, Constants)| {
             let next = kinds.len();
-            *kinds.entry((*side == Side::Abaxial, constants.indices.map(f64::to_bits))).or_insert(next)
+            *kinds.entry((*side == Side::Back, constants.indices.map(f64::to_bits))).or_insert(next)
         };
         let places: Vec<usize> = lights.iter().map(&mut place).collect();
         let surfaces = kinds.iter().map(|_| OnceLock::new()).collect();

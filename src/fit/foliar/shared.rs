@@ -7,7 +7,7 @@
 //! square roots of these differences. The error is checked at some of the spectrum's own indices.
 
 use super::surface::{Setting, Surface, chebyshev_node};
-use mesophyll_optics::foliar::Side;
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 
 /// Largest error of R and T that is accepted.

@@ -5,7 +5,8 @@
 //! instead of at every step of every leaf's fit.
 
 use mesophyll_optics::foliar::exact::{Prepared, Resolution};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path};
+use mesophyll_optics::side::Side;
 use std::f64::consts::PI;
 
 /// Largest oblateness of the epidermis that the fit looks for. The lobe is then 6° wide.
@@ -169,7 +170,7 @@ mod tests {
     #[test]
     fn between_its_nodes_it_is_the_exact_method() {
         let setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
-        let surface = Surface::new([1.51, 1.416, 1.411], &setting, Side::Adaxial);
+        let surface = Surface::new([1.51, 1.416, 1.411], &setting, Side::Front);
         for (depth, epidermis) in
             [(0.0, 5.0), (0.02, 0.0), (0.13, 2.2), (0.6, 14.0), (1.7, 40.0), (5.0, 90.0), (30.0, 1.0)]
         {
@@ -181,7 +182,7 @@ mod tests {
                 oblateness: Oblateness { epidermis, ..Oblateness::USUAL },
                 path: Path::Sieve,
             };
-            let want = exact::derivatives(&leaf, Side::Adaxial, setting.incidence);
+            let want = exact::derivatives(&leaf, Side::Front, setting.incidence);
             let got = surface.at(depth, epidermis.ln_1p());
             for (got, want) in got.iter().zip([want.reflectance, want.transmittance]) {
                 assert!((got.value - want.value).abs() < 1e-4, "{depth} {epidermis}: {got:?} {want:?}");

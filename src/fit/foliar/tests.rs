@@ -42,7 +42,7 @@ fn readings(lights: &[(f64, Side)], chlorophyll: f64, carotenoid: f64, epidermis
     readings
 }
 
-const LIGHTS: [(f64, Side); 3] = [(450.0, Side::Adaxial), (550.0, Side::Adaxial), (650.0, Side::Adaxial)];
+const LIGHTS: [(f64, Side); 3] = [(450.0, Side::Front), (550.0, Side::Front), (650.0, Side::Front)];
 
 /// What all tests of the same lights share.
 static MODEL: LazyLock<Model> = LazyLock::new(|| Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, None).unwrap());
@@ -110,7 +110,7 @@ fn what_readings_do_not_tell_is_named() {
     assert!(matches!(model.fit(&[], &KNOWN).status, Status::Refused(_)));
     let wild = [Reading { value: 1.5, ..all[0] }];
     assert!(model.fit(&wild, &KNOWN).status.to_string().contains("reflectance at 450 nm is 1.5"));
-    assert!(Model::new(&spectrum(), &[(300.0, Side::Adaxial)], SETTING, &THREE, None).is_err());
+    assert!(Model::new(&spectrum(), &[(300.0, Side::Front)], SETTING, &THREE, None).is_err());
 }
 
 #[test]

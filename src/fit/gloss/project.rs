@@ -11,7 +11,8 @@
 
 use mesophyll_optics::dispatch_lanes;
 use mesophyll_optics::tube::fast::COLUMNS;
-use mesophyll_optics::tube::lanes::{Lanes, Level};
+use mesophyll_optics::tube::lanes::Lanes;
+use mesophyll_processor::InstructionSet;
 
 /// Columns of a pass, as [`mesophyll_optics::tube::fast`] fills them: D for diffuse light, S for gloss, S_M = ∂S/∂m.
 pub const D: usize = 0;
@@ -44,7 +45,7 @@ pub struct Channel {
 
 impl Channel {
     /// Inner products of D, S and the samples, followed by non-negative least squares. `matte` holds ρs at zero.
-    pub fn solve(level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], matte: bool) -> Channel {
+    pub fn solve(level: InstructionSet, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], matte: bool) -> Channel {
         let (d, s) = (&columns[D][..], &columns[S][..]);
         let sums = dispatch_lanes!(level, linear_sums(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]);
         let mut c = Channel {
@@ -79,7 +80,7 @@ impl Channel {
     }
 
     /// Inner products of the model's changes by ln m and by `tilts` tilts.
-    pub fn slopes(&mut self, level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], m: f64, tilts: usize) {
+    pub fn slopes(&mut self, level: InstructionSet, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], m: f64, tilts: usize) {
         let factors = [self.rho_s * m, self.rho_d, self.rho_s];
         let sums = dispatch_lanes!(
             level,
@@ -174,7 +175,7 @@ fn slope_sums<L: Lanes>(
 /// squared standardised residual.
 #[allow(clippy::too_many_arguments)]
 pub fn weigh(
-    level: Level,
+    level: InstructionSet,
     columns: &[Vec<f64>; COLUMNS],
     rho: [f64; 2],
     noise: [f64; 3],
@@ -215,7 +216,7 @@ fn weigh_lanes<L: Lanes>(
 /// Sets the weights from the samples themselves; `noise` is what [`super::ReadingNoise::terms`] gives for each channel.
 /// Also writes the sum of the channels and its variance (infinite where a channel has no reading).
 pub fn weigh_by_samples(
-    level: Level,
+    level: InstructionSet,
     noise: [[f64; 3]; 3],
     y: &[Vec<f64>; 3],
     used: &[Vec<f64>; 3],

@@ -6,8 +6,9 @@
 
 use crate::gloss::{Device, normal_of};
 use mesophyll_optics::dispatch_lanes;
-use mesophyll_optics::tube::lanes::{Lanes, Level, padded};
+use mesophyll_optics::tube::lanes::{Lanes, padded};
 use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_processor::InstructionSet;
 use std::sync::OnceLock;
 
 /// m of the templates, finest first.
@@ -47,7 +48,7 @@ pub struct Bank {
     positions: Vec<f64>,
     range: [f64; 2],
     pitch_mm: f64,
-    level: Level,
+    level: InstructionSet,
     group: usize,
     fineness: f64,
     bins: Vec<OnceLock<Vec<Template>>>,
@@ -65,7 +66,7 @@ impl Bank {
             positions: positions.to_vec(),
             range,
             pitch_mm: device.height_mm / 16.0,
-            level: Level::detect(),
+            level: InstructionSet::detect(),
             group: (positions.len() / GROUPS).max(1),
             fineness,
             bins: std::iter::repeat_with(OnceLock::new).take(2 * SIDE + 1).collect(),

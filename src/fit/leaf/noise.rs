@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::gloss::ReadingNoise;
 use crate::leaf::held_out::Splits;
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_optics::side::Side;
 

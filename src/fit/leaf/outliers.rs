@@ -6,11 +6,12 @@
 //! noise nor a vein reaches them.
 
 use super::curve::RANGE;
-use super::defect::Defect;
+use super::defect::{OF_SCANS, failed_reading, of_light_box};
 use super::texels;
 use super::wide::{StandIns, Texel, Wide};
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
+use mesophyll_optics::defect::Defect;
 
 /// A texel is unexplained where ln χ² is this many scatters above the leaf's median. Noise reaches that once in 10⁹
 /// texels.
@@ -110,7 +111,7 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
         .collect()
 }
 
-/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it with the most similar
+/// For every texel whose reading failed ([`failed_reading`]), the good texels around it with the most similar
 /// transmittance, as places in `at`. `rho_t` is the measured transmittance of every texel. A failed texel without good
 /// texels nearby gets no list.
 pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<StandIns> {
@@ -134,7 +135,7 @@ pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> 
             a.iter().zip(b).map(|(a, b)| (a.max(1e-4) / b.max(1e-4)).ln().powi(2)).sum()
         };
         let seen = rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0)
-            && !Defect::from_code(mask[k]).is_some_and(Defect::of_light_box);
+            && !Defect::from_code(mask[k]).is_some_and(of_light_box);
         if seen {
             // The sort is stable: texels that are equally similar keep their order, so the list is the same on every
             // run.
@@ -143,14 +144,14 @@ pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> 
         }
         (!list.is_empty()).then_some(list)
     };
-    let failed = |code: i16| Defect::from_code(code).is_some_and(Defect::failed_reading);
+    let failed = |code: i16| Defect::from_code(code).is_some_and(failed_reading);
     (0..mask.len()).filter(|&k| failed(mask[k])).filter_map(around).collect()
 }
 
 /// ` (most are …)`: the most common defect, for the message about a leaf that has no good texel left.
 pub fn most_common(mask: &[i16]) -> String {
     let count = |d: &Defect| mask.iter().filter(|m| **m == d.code()).count();
-    match Defect::ALL.into_iter().max_by_key(count) {
+    match OF_SCANS.into_iter().max_by_key(count) {
         Some(d) if count(&d) > 0 => {
             let on_leaf = mask.iter().filter(|m| **m != 0).count();
             format!(" ({} of {on_leaf} texels: {}); see `mesophyll inspect`", count(&d), d.name().replace('_', " "))

@@ -3,7 +3,7 @@
 
 use crate::Result;
 use crate::leaf::blade::{self, Blade, Grid, glb};
-use crate::leaf::defect::Defect;
+use crate::leaf::defect::OF_SCANS;
 use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
@@ -69,7 +69,7 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     };
     // The fit does not record where its capture lay.
     say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
-    record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
+    record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 
 /// Reconstructs the blade from both sides' normals (the back's turned into the front's image).
@@ -236,7 +236,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     s.counts.insert("texels".into(), fitted.mask.len());
     s.counts.insert("outside".into(), fitted.mask.iter().filter(|m| **m == 0).count());
     s.counts.insert("good".into(), fitted.mask.iter().filter(|m| **m == 1).count());
-    for d in Defect::ALL {
+    for d in OF_SCANS {
         s.counts.insert(d.name().into(), fitted.mask.iter().filter(|m| **m == d.code()).count());
     }
     let plane = |quantity| fitted.maps.scalar(quantity).unwrap_or_default();

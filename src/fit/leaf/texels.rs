@@ -5,15 +5,16 @@
 //! by its side and first row. It does not depend on which process made it or with how many threads.
 
 use crate::gloss::{TexelFit, TexelFitter};
-use crate::leaf::defect::Defect;
+use crate::leaf::defect;
 use crate::leaf::held_out::Splits;
 use crate::leaf::noise::Level;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::progress::{Bar, go_on};
 use mesophyll_files::quantity::{self, Quantity};
+use mesophyll_optics::defect::{Defect, GOOD};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -220,7 +221,7 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
         values.push(fit.samples as f64 - fit.parameters as f64);
         values.push(termination_code(fit.termination));
         values.push(f64::from(!fit.undetermined.is_empty()));
-        values.push(f64::from(Defect::of(fit).map_or(1, Defect::code)));
+        values.push(f64::from(defect::of_texel(fit).map_or(GOOD, Defect::code)));
         for (plane, v) in planes.iter_mut().zip(values) {
             plane[at] = v as f32;
         }

@@ -13,7 +13,8 @@ use crate::leaf::sides::{Estimates, widen};
 use crate::leaf::slabmaps::{Inverter, Sigma};
 use crate::leaf::wide::{self, Common, Settings, Texel, Wide};
 use crate::{Error, Result};
-use mesophyll_capture::photo::{Defect, Manifest, Reduced, reduce};
+use mesophyll_capture::photo::{Manifest, Reduced, reduce};
+use mesophyll_optics::defect::Defect;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::inverse;
 use mesophyll_record::FitKind;
@@ -21,6 +22,17 @@ use mesophyll_record::maker::{self, Maker, Outcome};
 use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
+
+/// The defects that photographs can have.
+pub(crate) const DEFECTS: [Defect; 7] = [
+    Defect::NoReading,
+    Defect::Saturated,
+    Defect::Edge,
+    Defect::Transmission,
+    Defect::Energy,
+    Defect::Dark,
+    Defect::Foreign,
+];
 
 /// One fitted side, in the image of the camera that saw it. Vectors of texels run over `at`.
 pub struct Fitted {
@@ -100,7 +112,7 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
     let (mut at, mut texels) = gather(&status);
     let none = |status: &[i16]| {
         let count = |d: Defect| status.iter().filter(|s| **s == d.code()).count();
-        let list: Vec<String> = Defect::ALL.iter().map(|d| format!("{} {}", count(*d), d.name())).collect();
+        let list: Vec<String> = DEFECTS.iter().map(|d| format!("{} {}", count(*d), d.name())).collect();
         Error::input(folder, format!("no texel of the {} is good: {}", side.name(), list.join(", ")))
     };
     if texels.len() < 16 {
@@ -116,7 +128,7 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
     };
     let mut wide = solve(&texels);
     for (k, _) in outliers::of_leaf(&texels, &wide, h) {
-        status[at[k] as usize] = output::FOREIGN;
+        status[at[k] as usize] = Defect::Foreign.code();
     }
     if status.iter().filter(|s| **s == 1).count() < 16 {
         return Err(none(&status));

@@ -4,7 +4,8 @@ use super::Fitted;
 use crate::Result;
 use crate::dome::output::judged;
 use crate::leaf::blade::{Grid, glb, mesh};
-use mesophyll_capture::photo::{Defect, Manifest, Reduced};
+use super::DEFECTS;
+use mesophyll_capture::photo::{Manifest, Reduced};
 use mesophyll_capture::truth_path;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
@@ -14,9 +15,6 @@ use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::inverse;
 use mesophyll_record::{FitRecord, Param, Residuals, Section};
 use std::path::Path;
-
-/// Code of texels that no thickness of this leaf explains: something lies on it.
-pub const FOREIGN: i16 = -7;
 
 /// Writes the maps and the blade and says in the record what they are.
 ///
@@ -65,8 +63,7 @@ pub fn write(
 
 /// Options, gauges, and what this set-up cannot know.
 fn describe(manifest: &Manifest, reduced: &Reduced, record: &mut FitRecord) {
-    record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
-    record.defects.insert(FOREIGN.to_string(), "foreign".into());
+    record.defects = DEFECTS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("capture_kind", "photo".into());
     say("size", format!("{}x{}", reduced.width, reduced.height));
@@ -157,10 +154,9 @@ fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
     s.counts.insert("texels".into(), fitted.status.len());
     s.counts.insert("outside".into(), count(0));
     s.counts.insert("good".into(), count(1));
-    for defect in Defect::ALL {
+    for defect in DEFECTS {
         s.counts.insert(defect.name().into(), count(defect.code()));
     }
-    s.counts.insert("foreign".into(), count(FOREIGN));
     s.terminations.insert(format!("leaf_wide:{}", fitted.wide.termination.name()), 1);
     let [h, h_err] = manifest.thickness();
     let parameter = |quantity: Quantity, value: [f64; 3], relative: [f64; 3]| {

@@ -111,6 +111,27 @@ pub struct Tissues {
     pub scale: f64,
 }
 
+/// The incidence for which the total transmittance of a beam is computed.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    strum::Display,
+    strum::EnumIter,
+    strum::EnumMessage,
+    strum::EnumString,
+    strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Incidence {
+    /// Each beam's own
+    Slant,
+    /// Along the normal for every beam, as the renderers assume
+    Normal,
+}
+
 /// How the fit is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -118,9 +139,8 @@ pub struct Options {
     pub levels: usize,
     /// Where the total transmittance is taken from.
     pub totals: Totals,
-    /// With the transport equation's totals: whether they are those of a beam at each light's own incidence. Otherwise
-    /// they are those of a beam along the normal, as renderers have it.
-    pub slant: bool,
+    /// With the transport equation's totals: the incidence for which they are computed.
+    pub incidence: Incidence,
     /// Takes the thickness map as it is and fits no factor on it.
     pub fix_scale: bool,
     /// Largest number of rounds of descent.
@@ -131,7 +151,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { levels: 8, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12, told: false }
+        Options { levels: 8, totals: Totals::Transport, incidence: Incidence::Slant, fix_scale: false, rounds: 12, told: false }
     }
 }
 

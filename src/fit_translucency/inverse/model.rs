@@ -1,7 +1,7 @@
 //! Cost, gradient and Gauss–Newton matrix of the photographs' misfit to the convolution, in ln σa and ln σs′ (a channel
 //! each) and ln of the scale.
 
-use super::{Image, Measured, Options, Tissues};
+use super::{Image, Incidence, Measured, Options, Tissues};
 use crate::Result;
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::{Form, Tissue};
@@ -64,7 +64,7 @@ impl<'a> Model<'a> {
         let reach = (1.3 * reach_mm(measured, at, 0.1 * TAIL)).max(4.0 * measured.texel_mm);
         let mut incidences = Vec::new();
         for cosine in
-            measured.channels.iter().flat_map(|c| &c.images).map(|i| if options.slant { i.cosine } else { 1.0 })
+            measured.channels.iter().flat_map(|c| &c.images).map(|i| if options.incidence == Incidence::Slant { i.cosine } else { 1.0 })
         {
             if !incidences.contains(&cosine) {
                 incidences.push(cosine);

@@ -16,7 +16,7 @@ mod tests;
 use crate::{Error, Result};
 use axis::Tube;
 use glam::DVec3;
-use mesophyll_files::mesh::Unit;
+use mesophyll_files::unit::Unit;
 use rayon::prelude::*;
 use soup::Soup;
 use std::path::Path;

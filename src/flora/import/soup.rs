@@ -4,7 +4,7 @@ use crate::file::{INSTANCING, MOST_TRIANGLES};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, I64Vec3};
 use mesophyll_files::gltf_file::{self, DEEPEST, Opened};
-use mesophyll_files::mesh::Unit;
+use mesophyll_files::unit::Unit;
 use std::collections::HashMap;
 use std::path::Path;
 

@@ -3,7 +3,7 @@
 
 use super::place::Place;
 use crate::{Day, Result, Sky};
-use mesophyll_sky::preetham;
+use mesophyll_sky::{SkyModel, preetham};
 
 pub fn lights(p: &Place) -> Result<()> {
     if let Some(sun) = &p.manifest.sun {
@@ -103,6 +103,9 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
             "missing, and no model or environment either; expected a constant radiance, model = \"preetham\" or an \
              environment map",
         ));
+    }
+    if sky.model == Some(SkyModel::HosekWilkie) {
+        return Err(p.error(HEADER, 0, "model", "found hosek-wilkie, which scenes cannot draw yet; expected preetham"));
     }
     let Some(sun) = &p.manifest.sun else {
         return Err(p.error(HEADER, 0, "model", "given without a [sun]; a physical sky needs one"));

@@ -33,7 +33,7 @@ pub struct Shares {
 /// the abaxial side.
 pub fn light(row: usize) -> (Side, f64) {
     let degrees = row as f64;
-    if row <= 90 { (Side::Adaxial, degrees.to_radians()) } else { (Side::Abaxial, (180.0 - degrees).to_radians()) }
+    if row <= 90 { (Side::Front, degrees.to_radians()) } else { (Side::Back, (180.0 - degrees).to_radians()) }
 }
 
 /// The table of a leaf at one wavelength, by the exact method. `None` where that method does not converge.
@@ -285,9 +285,9 @@ mod tests {
 
     #[test]
     fn rows_run_from_one_normal_to_the_other() {
-        assert_eq!(light(0), (Side::Adaxial, 0.0));
-        assert_eq!(light(90), (Side::Adaxial, FRAC_PI_2));
-        assert_eq!(light(180), (Side::Abaxial, 0.0));
+        assert_eq!(light(0), (Side::Front, 0.0));
+        assert_eq!(light(90), (Side::Front, FRAC_PI_2));
+        assert_eq!(light(180), (Side::Back, 0.0));
         assert!((light(91).1 - 89f64.to_radians()).abs() < 1e-15);
         let table = table(&Leaf::soybean(0.4)).unwrap();
         assert!(table.len() == ROWS && (table[90].surface - 1.0).abs() < 1e-12 && table[90].through < 1e-12);

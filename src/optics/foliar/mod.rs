@@ -24,16 +24,7 @@ mod tests;
 pub mod walk;
 
 use crate::number::Real;
-
-/// The side of the leaf that is lit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
-#[strum(serialize_all = "lowercase")]
-pub enum Side {
-    /// The upper side: light goes downward onto interface 0.
-    Adaxial,
-    /// The lower side: light goes upward onto interface 5.
-    Abaxial,
-}
+use mesophyll_surface::side::Side;
 
 /// How long a crossing of the mesophyll is taken to be.
 #[derive(

@@ -121,9 +121,9 @@ mod tests {
     #[test]
     fn single_rays_end_where_others_do() {
         let leaf = Leaf::soybean(0.5147);
-        for (side, degrees) in [(Side::Adaxial, 40.0f64), (Side::Abaxial, 45.0)] {
+        for (side, degrees) in [(Side::Front, 40.0f64), (Side::Back, 45.0)] {
             let at = degrees.to_radians();
-            let down = side == Side::Adaxial;
+            let down = side == Side::Front;
             let from = [at.sin(), 0.0, if down { -at.cos() } else { at.cos() }];
             let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
             let rays = 60_000;

@@ -3,7 +3,13 @@
 use super::{Leaf, Oblateness, Path, Side, exact, walk};
 
 /// How the shares are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumDiscriminants)]
+#[strum_discriminants(
+    name(MethodKind),
+    doc = "The name of a [`Method`].",
+    derive(strum::Display, strum::EnumString, strum::EnumIter, strum::IntoStaticStr, strum::EnumMessage),
+    strum(serialize_all = "kebab-case")
+)]
 pub enum Method {
     /// Random rays, at least 1. Different leaves have different noise, but a leaf has the same noise in every row.
     MonteCarlo {
@@ -52,7 +58,7 @@ pub fn own_seed(seed: u64, leaf: &Leaf, side: Side, incidence: f64) -> u64 {
     let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
     let numbers =
         [leaf.depth, leaf.n_cuticle, leaf.n_mesophyll, leaf.n_antidermal, cuticle, epidermis, palisade, spongy];
-    let words = [incidence.to_bits(), (side == Side::Adaxial).into(), (leaf.path == Path::Slant).into()];
+    let words = [incidence.to_bits(), (side == Side::Front).into(), (leaf.path == Path::Slant).into()];
     // FNV-1a over the words
     let mix = |h: u64, x: u64| (h ^ x).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29);
     numbers.map(f64::to_bits).into_iter().chain(words).fold(mix(0xcbf2_9ce4_8422_2325, seed), mix)

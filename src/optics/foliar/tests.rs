@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-const SIDES: [Side; 2] = [Side::Adaxial, Side::Abaxial];
+const SIDES: [Side; 2] = [Side::Front, Side::Back];
 const INF: f64 = f64::INFINITY;
 
 fn leaf(indices: [f64; 3], oblateness: [f64; 3], depth: f64) -> Leaf {
@@ -34,7 +34,7 @@ fn literal(leaf: &Leaf, side: Side, incidence: f64, rng: &mut Pcg64) -> Option<b
         Tissue::Spongy => leaf.oblateness.spongy,
     };
     let mut xi = || 1.0 - rng.random::<f64>();
-    let (mut down, mut at) = if side == Side::Adaxial { (true, 0i32) } else { (false, 5) };
+    let (mut down, mut at) = if side == Side::Front { (true, 0i32) } else { (false, 5) };
     let mut mu = incidence.cos();
     loop {
         let face = &INTERFACES[at as usize];
@@ -121,7 +121,7 @@ fn the_table_of_interfaces_says_what_the_exact_method_solves() {
                 }
             }
             let want = exactly(leaf, side, 0.9);
-            let (r, t) = if side == Side::Adaxial { (up, down) } else { (down, up) };
+            let (r, t) = if side == Side::Front { (up, down) } else { (down, up) };
             for (got, want) in [(r, want.reflectance), (t, want.transmittance)] {
                 let error = (want * (1.0 - want) / f64::from(n)).sqrt();
                 assert!((got - want).abs() < 4.5 * error + 1e-12, "{leaf:?} {side:?}: {got} {want} {error}");
@@ -134,11 +134,11 @@ fn the_table_of_interfaces_says_what_the_exact_method_solves() {
 #[test]
 fn errors_of_rays_are_true() {
     let leaf = Leaf::soybean(0.5);
-    let want = exactly(&leaf, Side::Abaxial, 0.6);
+    let want = exactly(&leaf, Side::Back, 0.6);
     let seeds = 60;
     let (mut sum, mut squares) = (0.0, 0.0);
     for seed in 0..seeds {
-        let counts = walk::count(&leaf, Side::Abaxial, 0.6, 30_000, seed, &|| false);
+        let counts = walk::count(&leaf, Side::Back, 0.6, 30_000, seed, &|| false);
         let (share, error) = counts.share(counts.reflected);
         let z = (share - want.reflectance) / error;
         sum += z;
@@ -172,15 +172,15 @@ fn without_indices_only_the_mesophyll_is_left() {
     };
     for depth in [0.01, 0.3, 2.0] {
         let air = [1.0; 3];
-        let diffuse = exactly(&leaf(air, [INF, 1.0, INF], depth), Side::Adaxial, 0.0);
+        let diffuse = exactly(&leaf(air, [INF, 1.0, INF], depth), Side::Front, 0.0);
         assert!(diffuse.reflectance.abs() < 1e-12);
         assert!((diffuse.transmittance - 2.0 * e3(depth)).abs() < 2e-5, "{depth}: {diffuse:?}");
         for incidence in [0.0f64, 0.8, 1.5] {
             for path in [Path::Slant, Path::Sieve] {
                 let leaf = Leaf { path, ..leaf(air, [INF; 3], depth) };
                 let want = (-depth * path.length(incidence.cos())).exp();
-                assert!((exactly(&leaf, Side::Abaxial, incidence).transmittance - want).abs() < 1e-12);
-                let counts = walk::count(&leaf, Side::Abaxial, incidence, 20_000, 1, &|| false);
+                assert!((exactly(&leaf, Side::Back, incidence).transmittance - want).abs() < 1e-12);
+                let counts = walk::count(&leaf, Side::Back, incidence, 20_000, 1, &|| false);
                 let (share, error) = counts.share(counts.transmitted);
                 assert!((share - want).abs() < 4.5 * error);
             }
@@ -192,12 +192,12 @@ fn without_indices_only_the_mesophyll_is_left() {
 fn a_black_leaf_of_one_index_reflects_by_its_surface_alone() {
     for incidence in [0.0, 0.6, 1.2, 1.5] {
         let leaf = leaf([1.5, 1.5, 1.4], [5.0, 1.0, 5.0], 1e9);
-        let r = exactly(&leaf, Side::Adaxial, incidence);
+        let r = exactly(&leaf, Side::Front, incidence);
         assert!((r.reflectance - leaf.surface_reflectance(incidence)).abs() < 1e-9 && r.transmittance == 0.0);
         // Light that circulates inside the epidermis adds to this where the indices differ.
         let soybean = Leaf::soybean(1e9);
         assert!(
-            exactly(&soybean, Side::Adaxial, incidence).reflectance > soybean.surface_reflectance(incidence) + 1e-4
+            exactly(&soybean, Side::Front, incidence).reflectance > soybean.surface_reflectance(incidence) + 1e-4
         );
     }
 }
@@ -222,9 +222,9 @@ fn without_lobes_the_leaf_is_six_smooth_plates() {
             r = f + (1.0 - f).powi(2) * r_in * series;
             t = t_in * (1.0 - f) * series;
         }
-        let got = exactly(&leaf, Side::Adaxial, incidence);
+        let got = exactly(&leaf, Side::Front, incidence);
         assert!((got.reflectance - r_top).abs() < 1e-12 && (got.transmittance - t).abs() < 1e-12, "{incidence}");
-        let back = exactly(&leaf, Side::Abaxial, incidence);
+        let back = exactly(&leaf, Side::Back, incidence);
         assert!((back.reflectance - r).abs() < 1e-12 && (back.transmittance - t).abs() < 1e-12);
     }
 }
@@ -280,9 +280,9 @@ fn narrow_lobes_on_slant_paths_are_right_to_2e_5() {
 fn derivatives_are_those_of_differences() {
     let steps = 1e-4;
     for (leaf, side, incidence) in [
-        (Leaf::soybean(0.4), Side::Adaxial, 0.0),
-        (Leaf::soybean(0.4), Side::Abaxial, 0.9),
-        (leaf([1.4, 1.55, 1.3], [2.5, 0.7, 9.0], 0.1), Side::Adaxial, 1.2),
+        (Leaf::soybean(0.4), Side::Front, 0.0),
+        (Leaf::soybean(0.4), Side::Back, 0.9),
+        (leaf([1.4, 1.55, 1.3], [2.5, 0.7, 9.0], 0.1), Side::Front, 1.2),
     ] {
         let got = exact::derivatives(&leaf, side, incidence);
         for (k, name) in PARAMETERS.iter().enumerate() {
@@ -324,14 +324,14 @@ fn the_model_is_not_reciprocal() {
         let rule = mesophyll_quadrature::unit(12);
         rule.iter().map(|(m, w)| 2.0 * w * m * exactly(&leaf, side, m.acos()).transmittance).sum()
     };
-    let (above, below) = (diffuse(Side::Adaxial), diffuse(Side::Abaxial));
+    let (above, below) = (diffuse(Side::Front), diffuse(Side::Back));
     assert!((above - below).abs() > 0.02, "{above} {below}");
 }
 
 #[test]
 fn a_seed_says_which_rays_whatever_the_threads() {
     let leaf = Leaf::soybean(0.3);
-    let run = |seed: u64| walk::count(&leaf, Side::Adaxial, 0.4, 200_000, seed, &|| false);
+    let run = |seed: u64| walk::count(&leaf, Side::Front, 0.4, 200_000, seed, &|| false);
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert_eq!(run(5), alone.install(|| run(5)));
     assert_ne!(run(5), run(6));
@@ -343,11 +343,11 @@ fn the_goniometer_sees_where_light_goes() {
     use goniometer::{RINGS, SECTORS};
     let leaf = Leaf::soybean(0.3);
     let incidence = 40f64.to_radians();
-    let seen = walk::directions(&leaf, Side::Abaxial, incidence, 300_000, 2, &|| false);
+    let seen = walk::directions(&leaf, Side::Back, incidence, 300_000, 2, &|| false);
     let up: u64 = seen.patches[..RINGS / 2 * SECTORS].iter().sum();
     let down: u64 = seen.patches[RINGS / 2 * SECTORS..].iter().sum();
     assert_eq!((up, down), (seen.counts.reflected, seen.counts.transmitted));
-    let want = exactly(&leaf, Side::Abaxial, incidence);
+    let want = exactly(&leaf, Side::Back, incidence);
     for (count, want) in [(up, want.reflectance), (down, want.transmittance)] {
         let (share, error) = seen.counts.share(count);
         assert!((share - want).abs() < 4.5 * error);
@@ -360,7 +360,7 @@ fn the_goniometer_sees_where_light_goes() {
     assert!((left - right).abs() < 4.5 * (left + right).sqrt());
     // The light that a black leaf reflects goes where FSM's surface lobe sends it.
     let black = Leaf { depth: 1e9, n_mesophyll: 1.6, ..leaf };
-    let seen = walk::directions(&black, Side::Adaxial, incidence, 400_000, 3, &|| false);
+    let seen = walk::directions(&black, Side::Front, incidence, 400_000, 3, &|| false);
     let surface = black.surface_reflectance(incidence);
     let shares = fsm::Shares { surface, diffuse: 0.0, through: 0.0 };
     let patches = (0..RINGS / 2).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));
@@ -385,5 +385,5 @@ fn bad_leaves_are_named() {
     assert!(fault(Leaf { n_antidermal: f64::NAN, ..Leaf::soybean(0.0) }).contains("n_antidermal"));
     assert!(fault(leaf([1.5; 3], [1.0, -1.0, 1.0], 0.0)).contains("oblateness_palisade is -1"));
     assert!(leaf([1.5; 3], [0.0, INF, 1.0], 1e300).fault().is_none());
-    assert!(exactly(&Leaf::soybean(0.2), Side::Adaxial, FRAC_PI_2).reflectance > 0.999_999);
+    assert!(exactly(&Leaf::soybean(0.2), Side::Front, FRAC_PI_2).reflectance > 0.999_999);
 }

@@ -8,6 +8,7 @@
 //! ln Δ; thicker ones use the exact solution.
 
 use super::Response;
+use mesophyll_processor::InstructionSet;
 use std::sync::OnceLock;
 
 /// Number of polynomial coefficients in each direction.
@@ -170,8 +171,8 @@ impl Patch {
     #[inline]
     fn evaluate(&self, x: f64, y: f64) -> Local {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-            // SAFETY: the two features were found on this processor.
+        if InstructionSet::detect() >= InstructionSet::Avx2 {
+            // SAFETY: this processor has the instruction set.
             return unsafe { self.evaluate_wide(x, y) };
         }
         self.horner::<false>(x, y)

@@ -20,9 +20,11 @@ pub mod lanes;
 use crate::gloss::Lobe;
 pub use arc::{Arc, Sums};
 use mesophyll_quadrature::symmetric;
+use serde::{Deserialize, Serialize};
 
 /// The lamp: axis height over the blade, lit length centred on the blade, radius (0: thin).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Tube {
     /// Height of the axis over the blade (mm).
     pub height_mm: f64,
@@ -32,16 +34,25 @@ pub struct Tube {
     pub radius_mm: f64,
 }
 
-/// Direction the tube moves in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Direction of travel: in pass `x` the tube is parallel to y and moves along x, in pass `y` the other way round.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, strum::IntoStaticStr,
+)]
+#[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum Travel {
-    /// Along x; the tube lies along y.
+    /// The tube is parallel to y and travels along x.
     X,
-    /// Along y; the tube lies along x.
+    /// The tube is parallel to x and travels along y.
     Y,
 }
 
 impl Travel {
+    /// Its name in files and folders.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
     /// A vector in the pass's own frame: (along the travel, along the tube, up).
     pub fn local(self, v: [f64; 3]) -> [f64; 3] {
         match self {

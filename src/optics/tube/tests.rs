@@ -1,5 +1,5 @@
 use super::fast::{COLUMNS, Lit, Pass};
-use super::lanes::Level;
+use mesophyll_processor::InstructionSet;
 use super::*;
 use crate::gloss::dot;
 use std::f64::consts::PI;
@@ -216,7 +216,7 @@ fn fast_agrees_with_the_reference() {
                     // A change by tilt is judged relative to the trace itself.
                     let peak: [f64; COLUMNS] =
                         std::array::from_fn(|c| if c < 3 { most(c) } else { most(c).max(most((c + 1) % 2)) });
-                    for level in Level::available() {
+                    for level in InstructionSet::available() {
                         let pass = Pass::new(&model, travel, &positions, Precision::default().along, level);
                         let mut lit = Lit::default();
                         pass.light(texel, &mut lit);
@@ -251,7 +251,7 @@ fn frames_cut_by_the_horizon() {
         let model = Model::new(TUBE, camera(), lobe, &Precision::default());
         for (travel, (b, ty)) in [Travel::X, Travel::Y].into_iter().flat_map(|t| tilts.map(|tilt| (t, tilt))) {
             let (n, changes) = (normal(b, ty), slopes(b, ty));
-            let pass = Pass::new(&model, travel, &positions, 8, Level::detect());
+            let pass = Pass::new(&model, travel, &positions, 8, InstructionSet::detect());
             let (mut lit, mut columns) = (Lit::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
             for (m, texel) in [(0.5, [5.0, 9.0]), (0.15, [-30.0, 20.0])] {
                 pass.light(texel, &mut lit);

@@ -8,7 +8,7 @@ use super::source;
 use crate::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_capture::inspect::inspect;
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_capture::synth::leaf::Leaf as Grown;
 use mesophyll_capture::synth::{

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// The state of a leaf's fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+pub enum Freshness {
     /// Its input is the one it was fitted from (or is not given), so it is used unchanged.
     Reuse,
     /// There is no fit yet.
@@ -23,7 +23,7 @@ pub enum Status {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
     /// Whether the data exist and are up to date.
-    pub status: Status,
+    pub status: Freshness,
     /// The fit folder to read, or the one where the fit will be.
     pub folder: Option<PathBuf>,
     /// The reason for the status, in words; empty where it is plain.
@@ -66,7 +66,7 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
             }
             _ => "the scene names it",
         };
-        return Ok(Source { status: Status::Reuse, folder: Some(folder), why: why.into() });
+        return Ok(Source { status: Freshness::Reuse, folder: Some(folder), why: why.into() });
     }
     if leaf.capture.is_none() && leaf.scan.is_none() {
         let folder = named.unwrap_or_default();
@@ -81,9 +81,9 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
     }
     let from = if leaf.capture.is_some() { "capture" } else { "scan" };
     Ok(match stale {
-        Some(why) => Source { status: Status::Stale, folder: made, why },
+        Some(why) => Source { status: Freshness::Stale, folder: made, why },
         None => {
-            Source { status: Status::Missing, folder: made, why: format!("not fitted yet; the scene names a {from}") }
+            Source { status: Freshness::Missing, folder: made, why: format!("not fitted yet; the scene names a {from}") }
         }
     })
 }

@@ -1,7 +1,7 @@
 //! The source of the translucency maps of a scene's leaf: a folder of `fit translucency` that the scene names, or one
 //! that a run has made.
 
-use super::source::{Source, Status};
+use super::source::{Source, Freshness};
 use crate::Result;
 use mesophyll_files::hash;
 use mesophyll_fit_translucency::recipe::Recipe;
@@ -56,14 +56,14 @@ pub fn find(
     }
     let Some(place) = found else {
         let (status, why) = match stale {
-            true => (Status::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
-            false => (Status::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
+            true => (Freshness::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
+            false => (Freshness::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
         };
         let source = Source { status, folder: made, why: why.into() };
         return Ok(Some(Translucent { source, fitted: None }));
     };
     let fitted = LeafFit::open_as(&place, FitKind::Translucency)?.called(&format!("{}/translucency", leaf.name));
-    let source = Source { status: Status::Reuse, folder: Some(place), why: "the scene asks for it".into() };
+    let source = Source { status: Freshness::Reuse, folder: Some(place), why: "the scene asks for it".into() };
     Ok(Some(Translucent { source, fitted: Some(fitted) }))
 }
 
@@ -71,6 +71,6 @@ pub fn find(
 /// named folder may have any.
 fn as_asked(asked: &Asked, record: &FitRecord, named: bool) -> bool {
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
-    let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| *s == Functions::from(b).name());
+    let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| Functions::named(s) == Some(b.into()));
     Recipe::agrees(record, &asked.options()) && wanted.is_none_or(of)
 }

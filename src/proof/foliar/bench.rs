@@ -6,7 +6,8 @@
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
 use mesophyll_optics::foliar::exact::{self, Prepared, Resolution};
-use mesophyll_optics::foliar::{Leaf, Response, Side, walk};
+use mesophyll_optics::foliar::{Leaf, Response, walk};
+use mesophyll_optics::side::Side;
 use std::time::Instant;
 
 const DEPTHS: [f64; 3] = [0.05, 0.4, 2.0];
@@ -21,7 +22,7 @@ fn cases() -> Vec<Case> {
         let leaf = Leaf::soybean(depth);
         let prepared = Prepared::new(&leaf, Resolution { order: 44, piece: 30, azimuth: 40 });
         let solved = prepared.solve(depth);
-        for side in [Side::Adaxial, Side::Abaxial] {
+        for side in [Side::Front, Side::Back] {
             cases.extend(INCIDENCE.map(|at| (leaf, side, at, solved.response(side, at))));
         }
     }
@@ -53,7 +54,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
         rows.push(row("nodes a panel, exact", order.to_string(), error, us, note));
     }
     let prepared = Prepared::new(&cases[0].0, Resolution::USUAL);
-    let us = median_us(40.0, || prepared.solve(0.3).response(Side::Adaxial, 0.3));
+    let us = median_us(40.0, || prepared.solve(0.3).response(Side::Front, 0.3));
     rows.push(row(
         "one more absorption, exact",
         "18".into(),
@@ -61,7 +62,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
         us,
         "of a leaf whose lobes are prepared".into(),
     ));
-    let us = median_us(60.0, || exact::derivatives(&cases[0].0, Side::Adaxial, 0.3));
+    let us = median_us(60.0, || exact::derivatives(&cases[0].0, Side::Front, 0.3));
     rows.push(row("seven derivatives, exact", "18".into(), f64::NAN, us, "absorption, indices and oblateness".into()));
 
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -85,7 +86,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     for (name, depth) in [("soybean, green light", 0.4), ("soybean, clear", 0.0)] {
         let leaf = Leaf::soybean(depth);
         let rays = 1_000_000;
-        let us = alone.install(|| median_us(600.0, || walk::count(&leaf, Side::Adaxial, 0.0, rays, 1, &|| false)));
+        let us = alone.install(|| median_us(600.0, || walk::count(&leaf, Side::Front, 0.0, rays, 1, &|| false)));
         let note = format!("adaxial, along the normal; on one core {:.1}e6 rays a second", rays as f64 / us);
         rows.push(row("rays a leaf", name.into(), f64::NAN, us, note));
     }

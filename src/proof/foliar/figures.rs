@@ -1,7 +1,8 @@
 //! The numbers behind the pictures of `docs/foliar.md`, which show what B1 shows in its Fig. 3 to 5.
 
 use mesophyll_optics::foliar::goniometer::{Goniometer, RINGS, SECTORS};
-use mesophyll_optics::foliar::{Leaf, Side, fsm, walk};
+use mesophyll_optics::foliar::{Leaf, fsm, walk};
+use mesophyll_optics::side::Side;
 
 /// For the model's red, green and blue: the wavelength (nm), and the absorption of one crossing of the soybean leaf's
 /// mesophyll there. The latter is 43.62 µg/cm² of chlorophyll (B1, Table 1) times the specific absorption of the public

@@ -7,7 +7,8 @@ use crate::peers::Inputs;
 use mesophyll_fit::foliar::surface::Setting;
 use mesophyll_fit::foliar::{Known, Model, Parameter, Reading};
 use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
-use mesophyll_optics::foliar::{Oblateness, Path, Side};
+use mesophyll_optics::foliar::{Oblateness, Path};
+use mesophyll_optics::side::Side;
 
 /// Measured means of species (`SOURCE.md` in the same folder names the source). The last six columns are R and T at
 /// [`WAVELENGTHS`].
@@ -45,7 +46,7 @@ pub fn inputs() -> Result<Inputs> {
         let Oblateness { palisade, spongy, .. } = Oblateness::USUAL;
         let setting = Setting { palisade, spongy, path, incidence: 8f64.to_radians() };
         let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
-        let model = Model::new(&spectrum(), &WAVELENGTHS.map(|nm| (nm, Side::Adaxial)), setting, &asked, None)
+        let model = Model::new(&spectrum(), &WAVELENGTHS.map(|nm| (nm, Side::Front)), setting, &asked, None)
             .map_err(crate::Error::Missed)?;
         let known = Known { contents: [0.0; 5], oblateness: Oblateness::USUAL.epidermis };
         let reading =

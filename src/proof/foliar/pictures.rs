@@ -10,7 +10,8 @@ use crate::Result;
 use crate::bench::BenchRow;
 use glam::{DMat4, DQuat, DVec2, DVec3, EulerRot};
 use mesophyll_optics::foliar::goniometer::{RINGS, SECTORS, projected};
-use mesophyll_optics::foliar::{Leaf, Side, exact, fsm, walk};
+use mesophyll_optics::foliar::{Leaf, exact, fsm, walk};
+use mesophyll_optics::side::Side;
 use mesophyll_transport::foliar::{Foliar, Model};
 use mesophyll_transport::path::{Paths, Picture, Request, Target, Tracer};
 use mesophyll_transport::{
@@ -173,7 +174,7 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
     const NODES: usize = 24;
     const RAYS: u64 = 400_000;
     let nodes = mesophyll_quadrature::unit(NODES);
-    [Side::Adaxial, Side::Abaxial]
+    [Side::Front, Side::Back]
         .into_iter()
         .map(|side| {
             let clock = Instant::now();
@@ -186,7 +187,7 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
                 }
             }
             // The same radiance by FSM's exchange. Beyond the middle ring the viewer is on the other side.
-            let other = if side == Side::Adaxial { Side::Abaxial } else { Side::Adaxial };
+            let other = if side == Side::Front { Side::Back } else { Side::Front };
             let (mut square, mut weight, mut worst) = (0.0, 0.0, 0.0f64);
             for (ring, share) in rings.iter().enumerate() {
                 let area = projected(ring) * SECTORS as f64 / PI;
@@ -201,7 +202,7 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
                 weight += area;
                 worst = if off.abs() > worst.abs() { off } else { worst };
             }
-            let name = if side == Side::Adaxial { "diffuse light from above" } else { "diffuse light from below" };
+            let name = if side == Side::Front { "diffuse light from above" } else { "diffuse light from below" };
             let note = format!(
                 "relative RMS over directions of view of what the ABM shows, had source and viewer been exchanged; worst \
                  of the rings {:+.0} %",
@@ -216,7 +217,7 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
 /// divided by the light that leaves.
 fn variations(model: &Foliar, leaf: &Leaf) -> Vec<BenchRow> {
     let mut rows = Vec::new();
-    for side in [Side::Adaxial, Side::Abaxial] {
+    for side in [Side::Front, Side::Back] {
         for degrees in [15.0, 30.0, 45.0, 60.0, 75.0] {
             let at = f64::to_radians(degrees);
             let seen = walk::directions(leaf, side, at, 4_000_000, 1, &|| false);

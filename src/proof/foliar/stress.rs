@@ -2,7 +2,8 @@
 //! conserved, and a closed form is met where one exists.
 
 use crate::stress::StressRow;
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Response, Side, exact, walk};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Response, exact, walk};
+use mesophyll_optics::side::Side;
 use std::time::Instant;
 
 const INF: f64 = f64::INFINITY;
@@ -29,7 +30,7 @@ fn indices(leaf: Leaf, n_cuticle: f64, n_mesophyll: f64, n_antidermal: f64) -> L
 fn cases() -> Vec<Case> {
     let soybean = Leaf::soybean;
     let case = |name, leaf, side, incidence| Case { name, leaf, side, incidence, rays: 100_000, known: None };
-    let (adaxial, abaxial) = (Side::Adaxial, Side::Abaxial);
+    let (adaxial, abaxial) = (Side::Front, Side::Back);
     let black = |n: f64| indices(soybean(1e12), n, n, 1.42);
     let surface = |leaf: &Leaf, at: f64| Some([leaf.surface_reflectance(at.to_radians()), 0.0]);
     let air = indices(soybean(0.0), 1.0, 1.0, 1.0);
@@ -109,7 +110,7 @@ fn run(case: &Case) -> StressRow {
 fn narrow() -> StressRow {
     let clock = Instant::now();
     let (leaf, straight) = (lobes(Leaf::soybean(0.3), 1e9, 1e9, 1e9), lobes(Leaf::soybean(0.3), INF, INF, INF));
-    let found = [leaf, straight].map(|leaf| exact::response(&leaf, Side::Adaxial, 0.5));
+    let found = [leaf, straight].map(|leaf| exact::response(&leaf, Side::Front, 0.5));
     let [Some(found), Some(want)] = found else {
         return row("oblateness 1e9", "ok", "wrong: the exact method does not settle".into(), None, clock);
     };

@@ -6,8 +6,8 @@ use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
 use mesophyll_fit::gloss::{Device, TexelFitter, normal_of, normal_slopes};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
-use mesophyll_optics::tube::lanes::Level;
 use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_processor::InstructionSet;
 
 /// Texels with slopes within `m` and tilts up to ±`tilt`.
 fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {
@@ -131,7 +131,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
 fn trace_error(along: usize) -> f64 {
     let (device, positions) = (device(Lobe::Beckmann, 0.01), pass_x(100));
     let fine = Model::new(device.tube(), device.camera, device.lobe, &Precision::fine());
-    let pass = Pass::new(&fine, Travel::X, &positions, along, Level::detect());
+    let pass = Pass::new(&fine, Travel::X, &positions, along, InstructionSet::detect());
     let (mut lit, mut columns) = (Lit::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
     let mut worst = 0.0f64;
     for (m, tilt) in [(0.03, 0.0), (0.07, 0.1), (0.15, -0.1), (0.3, 0.05), (0.5, -0.05), (0.7, 0.0)] {

@@ -7,7 +7,7 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};

@@ -116,31 +116,6 @@ impl Lanes for Plain {
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::Avx2;
 
-/// The instruction sets that this program distinguishes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
-    /// The instructions that every processor of this architecture has.
-    Plain,
-    /// Vectors of eight with fused multiply–add.
-    Avx2,
-}
-
-impl Level {
-    /// The best level of this processor.
-    pub fn detect() -> Level {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1") {
-            return Level::Avx2;
-        }
-        Level::Plain
-    }
-
-    /// This level if the processor supports it, otherwise the plain one.
-    pub fn available(self) -> Level {
-        if self == Level::Avx2 { Level::detect() } else { self }
-    }
-}
-
 /// Prefetches `LINES` cache lines that will soon be read.
 #[inline(always)]
 pub(crate) fn prefetch<const LINES: usize, T>(from: *const T) {
@@ -162,11 +137,11 @@ pub fn fetch<T>(soon: &[T]) {
     prefetch::<1, _>(from.wrapping_add(bytes.saturating_sub(1)));
 }
 
-/// Compiles a generic `#[inline(always)]` function for each instruction set, and calls the version for `level`:
-/// `dispatch!(level, [flags], [generics] function(arg: Type, …) -> Return)`.
+/// Compiles a generic `#[inline(always)]` function for each instruction set, and calls the version for `set`:
+/// `dispatch!(set, [flags], [generics] function(arg: Type, …) -> Return)`.
 macro_rules! dispatch {
     (
-        $level:expr, [$($flag:ident),*], [$($generic:ident: $bound:path),*],
+        $set:expr, [$($flag:ident),*], [$($generic:ident: $bound:path),*],
         $function:ident($($arg:ident: $type:ty),*) -> $ret:ty
     ) => {{
         #[cfg(target_arch = "x86_64")]
@@ -175,17 +150,16 @@ macro_rules! dispatch {
             fn avx2<$(const $flag: bool,)* $($generic: $bound),*>($($arg: $type),*) -> $ret {
                 $function::<$crate::lanes::Avx2, $($flag,)* $($generic),*>($($arg),*)
             }
-            match $level {
-                // SAFETY: `Level::available` checked that this processor has the instruction set.
-                $crate::lanes::Level::Avx2 => unsafe { avx2::<$($flag,)* $($generic),*>($($arg),*) },
-                $crate::lanes::Level::Plain => {
-                    $function::<$crate::lanes::Plain, $($flag,)* $($generic),*>($($arg),*)
-                }
+            if $set >= mesophyll_processor::InstructionSet::Avx2 {
+                // SAFETY: `InstructionSet::or_less` and `detect` name only what this processor has.
+                unsafe { avx2::<$($flag,)* $($generic),*>($($arg),*) }
+            } else {
+                $function::<$crate::lanes::Plain, $($flag,)* $($generic),*>($($arg),*)
             }
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
-            let _ = $level;
+            let _ = $set;
             $function::<$crate::lanes::Plain, $($flag,)* $($generic),*>($($arg),*)
         }
     }};

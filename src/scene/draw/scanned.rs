@@ -9,7 +9,7 @@ use super::{handover, leaf_maps, reference};
 use crate::loaded::curve::curve;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, Vec3};
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::{self, Quantity};

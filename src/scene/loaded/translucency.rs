@@ -88,7 +88,7 @@ fn read(leaf: Leaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<Coeff
     reads::same_size(fitted, side, leaf.plan.size, [maps.width, maps.height])?;
     let basis = match fitted.record.options.get("basis") {
         None => Basis::default(),
-        Some(said) => Basis::ALL.into_iter().find(|b| Functions::from(*b).name() == *said).ok_or_else(|| {
+        Some(said) => Functions::named(said).and_then(Functions::drawn).ok_or_else(|| {
             let known = Basis::ALL.map(|b| format!("\"{}\"", Functions::from(b).name())).join(" or ");
             let what = format!("found \"{said}\", expected {known}, which the renderers evaluate");
             Error::field(&fitted.record_path(), "options.basis", what)

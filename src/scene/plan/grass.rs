@@ -5,7 +5,7 @@ use crate::Result;
 use mesophyll_fit_grass::bytes;
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::Placed;
-use mesophyll_placed::fits::source::Status;
+use mesophyll_placed::fits::source::Freshness;
 
 /// Lists every lawn, and what is left out of it.
 ///
@@ -22,7 +22,7 @@ pub fn lawns(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()
             Some(fit) => {
                 let record = manifest.resolve(fit).join("fit.toml");
                 need.hash = Some(mesophyll_files::hash::file(&record)?);
-                need.status = Some(Status::Reuse);
+                need.status = Some(Freshness::Reuse);
                 need.amount = Some(format!("slices of {}", fit.display()));
             }
             None => {

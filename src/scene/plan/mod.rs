@@ -19,7 +19,7 @@ use crate::Result;
 use accuracy::Row;
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::Placed;
-use mesophyll_placed::fits::source::Status;
+use mesophyll_placed::fits::source::Freshness;
 use mesophyll_placed::ledger::Ledger;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -42,7 +42,7 @@ pub struct Need {
     pub bytes: Option<u64>,
     /// Whether it exists; `None` where it is made in every run.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub status: Option<Status>,
+    pub status: Option<Freshness>,
 }
 
 impl Need {

@@ -20,6 +20,7 @@ use super::{Scalar, chebyshev};
 use crate::harmonics::Coefficients;
 use crate::preetham::{self, Turbid};
 use crate::{Refused, check};
+use mesophyll_processor::InstructionSet;
 use std::f64::consts::FRAC_PI_2;
 
 /// Largest number of rows (powers of θs) of a staircase.
@@ -156,12 +157,12 @@ impl<T: Scalar> Folded<T> {
     /// ([`Folded::accepts`]).
     pub fn fill(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        if InstructionSet::detect() >= InstructionSet::Avx2 {
             #[target_feature(enable = "avx2,fma")]
             fn wide<T: Scalar>(this: &Folded<T>, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
                 this.fill_with::<true>(sun_zenith, turbidity, out);
             }
-            // SAFETY: the two features were found on this processor.
+            // SAFETY: this processor has the instruction set.
             unsafe { wide(self, sun_zenith, turbidity, out) };
             return;
         }
@@ -258,12 +259,12 @@ impl<T: Scalar> Fixed<T> {
     /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. The sun is not checked.
     pub fn fill(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        if InstructionSet::detect() >= InstructionSet::Avx2 {
             #[target_feature(enable = "avx2,fma")]
             fn wide<T: Scalar>(this: &Fixed<T>, sun_zenith: f64, out: &mut [[T; 3]]) {
                 this.fill_with::<true>(sun_zenith, out);
             }
-            // SAFETY: the two features were found on this processor.
+            // SAFETY: this processor has the instruction set.
             unsafe { wide(self, sun_zenith, out) };
             return;
         }

@@ -12,7 +12,7 @@ pub mod mix;
 pub mod tensor;
 
 pub use folded::{Fixed, Folded};
-pub use tensor::{Basis, Tensor};
+pub use tensor::{Polynomials, Tensor};
 
 use std::ops::{Add, AddAssign, Mul};
 

@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// The functions of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Basis {
+pub enum Polynomials {
     /// θs^i τ^j, unscaled: the dissertation's choice.
     Monomials,
     /// T_i and T_j on the domain, scaled to −1 … 1.
@@ -22,7 +22,7 @@ pub const MOST: usize = 32;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor<T = f32> {
     /// The basis of the polynomials.
-    pub basis: Basis,
+    pub basis: Polynomials,
     bands: usize,
     turbidities: [f64; 2],
     /// Powers of θs and of τ: degrees plus one.
@@ -35,7 +35,7 @@ impl<T: Scalar> Tensor<T> {
     /// # Errors
     /// A sentence where lengths make no sense.
     pub fn new(
-        basis: Basis,
+        basis: Polynomials,
         bands: usize,
         turbidities: [f64; 2],
         powers: [usize; 2],
@@ -105,15 +105,15 @@ impl<T: Scalar> Tensor<T> {
 }
 
 /// The functions of one variable.
-pub fn fill(basis: Basis, x: f64, [low, high]: [f64; 2], out: &mut [f64]) {
+pub fn fill(basis: Polynomials, x: f64, [low, high]: [f64; 2], out: &mut [f64]) {
     match basis {
-        Basis::Monomials => {
+        Polynomials::Monomials => {
             let mut power = 1.0;
             for v in out.iter_mut() {
                 *v = power;
                 power *= x;
             }
         }
-        Basis::Chebyshev => chebyshev((2.0 * x - low - high) / (high - low), 0, 1, out),
+        Polynomials::Chebyshev => chebyshev((2.0 * x - low - high) / (high - low), 0, 1, out),
     }
 }

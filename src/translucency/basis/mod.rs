@@ -13,7 +13,6 @@
 use super::lights::{Lights, Rule};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
-use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// The three vectors (H9 §3.3.8).
 pub const HALF_LIFE_2: [[f64; 3]; 3] = [
@@ -63,45 +62,6 @@ pub enum Basis {
     },
 }
 
-/// The bases that a fit offers, by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
-#[strum(serialize_all = "kebab-case")]
-pub enum BasisKind {
-    /// Three linear functions, those of Half-Life 2
-    #[default]
-    #[strum(serialize = "half-life-2")]
-    HalfLife2,
-    /// The same three of a light that is bent so that its difference between sides ends at the horizon
-    #[strum(serialize = "bent-3")]
-    Bent3,
-    /// Those three, z² and the two of second order in azimuth
-    #[strum(serialize = "bent-6")]
-    Bent6,
-    /// The H-basis: constant, linear, and two of second order in the tangent plane
-    HBasis,
-    /// z times polynomials, which vanish at the horizon
-    Cosine,
-    /// Spherical harmonics, restricted to the hemisphere
-    Spherical,
-    /// Harmonics that are orthogonal on the hemisphere
-    Hemispherical,
-}
-
-impl BasisKind {
-    /// A basis of 3 functions, or of 6, or of 9 for both kinds of harmonics.
-    pub fn basis(self) -> Basis {
-        match self {
-            BasisKind::HalfLife2 => Basis::HalfLife2,
-            BasisKind::Bent3 => Basis::Bent { count: 3 },
-            BasisKind::Bent6 => Basis::Bent { count: 6 },
-            BasisKind::HBasis => Basis::HBasis { count: 6 },
-            BasisKind::Cosine => Basis::Cosine { degree: 3 },
-            BasisKind::Spherical => Basis::Spherical { bands: 3 },
-            BasisKind::Hemispherical => Basis::Hemispherical { bands: 3 },
-        }
-    }
-}
-
 impl From<mesophyll_surface::basis::Basis> for Basis {
     fn from(drawn: mesophyll_surface::basis::Basis) -> Basis {
         match drawn {
@@ -138,36 +98,71 @@ impl Basis {
         }
     }
 
-    /// The name of the basis in tables.
+    /// Those that `fit translucency` offers, the default first.
+    pub const OFFERED: [Basis; 7] = [
+        Basis::HalfLife2,
+        Basis::Bent { count: 3 },
+        Basis::Bent { count: 6 },
+        Basis::HBasis { count: 6 },
+        Basis::Cosine { degree: 3 },
+        Basis::Spherical { bands: 3 },
+        Basis::Hemispherical { bands: 3 },
+    ];
+
+    /// Its name in files, in tables and on the command line: the kind of functions and how many there are, such as
+    /// `h-basis-6`. Half-Life 2 is a game; its basis has three functions and no number of its own.
     pub fn name(self) -> String {
         match self {
-            Basis::HalfLife2 => "half-life 2".into(),
-            Basis::Bent { .. } => format!("bent half-life 2, {}", self.count()),
-            Basis::HBasis { count } => format!("h-basis {}", count.min(6)),
-            Basis::Spherical { bands } => format!("spherical harmonics {}", bands.min(6)),
-            Basis::Hemispherical { bands } => format!("hemispherical harmonics {}", bands.min(6)),
-            Basis::Cosine { .. } => format!("cosine {}", self.count()),
+            Basis::HalfLife2 => "half-life-2".into(),
+            Basis::Bent { .. } => format!("bent-{}", self.count()),
+            Basis::HBasis { .. } => format!("h-basis-{}", self.count()),
+            Basis::Spherical { .. } => format!("spherical-{}", self.count()),
+            Basis::Hemispherical { .. } => format!("hemispherical-{}", self.count()),
+            Basis::Cosine { .. } => format!("cosine-{}", self.count()),
         }
     }
 
-    /// The basis of that [`Basis::name`], as fits store it.
-    pub fn named(name: &str) -> Option<Basis> {
-        let (words, number) = match name.rsplit_once(' ') {
-            Some((words, number)) => (words, number.parse::<usize>().ok()),
-            None => (name, None),
-        };
-        let basis = match (words, number?) {
-            ("half-life", 2) => Basis::HalfLife2,
-            ("bent half-life 2,", count) => Basis::Bent { count },
-            ("h-basis", count) => Basis::HBasis { count },
-            ("spherical harmonics", bands) => Basis::Spherical { bands },
-            ("hemispherical harmonics", bands) => Basis::Hemispherical { bands },
-            ("cosine", count) => {
-                Basis::Cosine { degree: (0..=3).find(|d| Basis::Cosine { degree: *d }.count() == count)? }
+    /// What its functions are, in a few words.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Basis::HalfLife2 => "three linear functions, those of the game Half-Life 2",
+            Basis::Bent { .. } if self.count() == 3 => {
+                "the same three of a light that is bent so that its difference between sides ends at the horizon"
             }
+            Basis::Bent { .. } => "those three, z² and the two of second order in azimuth",
+            Basis::HBasis { .. } => "the H-basis: constant, linear, and of second order in the tangent plane",
+            Basis::Spherical { .. } => "spherical harmonics, restricted to the hemisphere",
+            Basis::Hemispherical { .. } => "harmonics that are orthogonal on the hemisphere",
+            Basis::Cosine { .. } => "z times polynomials, which vanish at the horizon",
+        }
+    }
+
+    /// The basis of that [`Basis::name`]. Fits of former versions have other names for the two that renderers draw;
+    /// these are understood too.
+    pub fn named(name: &str) -> Option<Basis> {
+        let name = match name {
+            "half-life 2" => "half-life-2",
+            "bent half-life 2, 3" => "bent-3",
+            other => other,
+        };
+        let (kind, number) = name.rsplit_once('-')?;
+        let count = number.parse::<usize>().ok()?;
+        let of_bands = || (0..=6).find(|bands| bands * bands == count);
+        let basis = match kind {
+            "half-life" => Basis::HalfLife2,
+            "bent" => Basis::Bent { count },
+            "h-basis" => Basis::HBasis { count },
+            "spherical" => Basis::Spherical { bands: of_bands()? },
+            "hemispherical" => Basis::Hemispherical { bands: of_bands()? },
+            "cosine" => Basis::Cosine { degree: (0..=3).find(|d| Basis::Cosine { degree: *d }.count() == count)? },
             _ => return None,
         };
         (basis.name() == name).then_some(basis)
+    }
+
+    /// The basis as renderers draw it, if they do.
+    pub fn drawn(self) -> Option<mesophyll_surface::basis::Basis> {
+        mesophyll_surface::basis::Basis::ALL.into_iter().find(|drawn| Basis::from(*drawn) == self)
     }
 
     /// Bytes for each texel as half floats, the form in which textures keep them.

@@ -6,7 +6,8 @@ use crate::lobe::Reflect;
 use crate::made_up::{leaf, square};
 use crate::world::{Placement, ReferenceSun, World};
 use glam::{DMat4, DVec3};
-use mesophyll_optics::foliar::{Leaf, Side, exact, fsm};
+use mesophyll_optics::foliar::{Leaf, exact, fsm};
+use mesophyll_optics::side::Side;
 use mesophyll_optics::gloss::Lobe;
 use std::sync::{Arc, LazyLock};
 
@@ -39,7 +40,7 @@ fn a_leaf_under_an_even_sky_shows_what_the_exact_method_says() {
         for (degrees, below) in [(20.0, false), (65.0, false), (45.0, true)] {
             let eye = view(degrees, below);
             let seen = tracer.look(eye, -eye, 8192, 3);
-            let side = if below { Side::Abaxial } else { Side::Adaxial };
+            let side = if below { Side::Back } else { Side::Front };
             for (channel, depth) in DEPTHS.into_iter().enumerate() {
                 let want = exact::response(&Leaf::soybean(depth), side, degrees.to_radians()).unwrap();
                 let want = want.reflectance + want.transmittance;

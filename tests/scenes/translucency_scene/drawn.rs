@@ -54,7 +54,7 @@ fn the_bent_basis_is_evaluated_as_it_is_stored() {
     let dir = folder(&flat);
     let maps = dir.path().join("fits/elm-translucency");
     let k = 36 * flat.width + 40;
-    for (basis, name) in [(Basis::HalfLife2, "half-life 2"), (Basis::Bent, "bent half-life 2, 3")] {
+    for (basis, name) in [(Basis::HalfLife2, "half-life-2"), (Basis::Bent, "bent-3")] {
         with_basis(&maps, name);
         for zenith in [150.0, 120.0, 100.0, 91.0] {
             let path = scene(dir.path(), "back", Some(zenith), None, "");
@@ -109,7 +109,7 @@ fn the_windows_reference_follows_the_maps_that_are_taken_off() {
 fn both_renderers_draw_the_same_light() {
     let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
     // A domed blade whose light leans. In the bent basis, the light also comes from low above its far side.
-    for (basis, zenith) in [("half-life 2", 125.0), ("bent half-life 2, 3", 104.0)] {
+    for (basis, zenith) in [("half-life-2", 125.0), ("bent-3", 104.0)] {
         with_basis(&dir.path().join("fits/elm-translucency"), basis);
         let path = scene(dir.path(), "back", Some(zenith), None, "");
         let out = dir.path().join("out");

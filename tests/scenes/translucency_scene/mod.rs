@@ -187,7 +187,7 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 #[test]
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     use mesophyll::fit_translucency::TissueName;
-    use mesophyll::placed::fits::source::Status;
+    use mesophyll::placed::fits::source::Freshness;
     use mesophyll::scene::draw::reference;
     use mesophyll::transport::Sunlit;
 
@@ -202,7 +202,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     let ledger = Ledger::new();
     let out = dir.path().join("out");
     let before = open(&path, Some(&out)).unwrap().plan;
-    assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Missing)));
+    assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Freshness::Missing)));
     let search = Search { out: Some(&out), ..Search::default() };
     let mut placed = Placed::new(&manifest, search, &ledger).unwrap();
     assert_eq!(placed.untranslucent(&manifest), [0]);
@@ -225,7 +225,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     with_texel(&fit, 1.0);
     let after = open(&path, Some(&out)).unwrap().plan;
     assert!(
-        after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Stale)),
+        after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Freshness::Stale)),
         "{:?}",
         after.needed
     );
@@ -234,7 +234,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
 #[test]
 fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     use mesophyll::manifest::Basis;
-    use mesophyll::placed::fits::source::Status;
+    use mesophyll::placed::fits::source::Freshness;
 
     let dir = folder(&Blade::default());
     let maps = dir.path().join("fits/elm-translucency");
@@ -250,12 +250,15 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     let status = |scene: &Scene| scene.placed.leaves[0].translucent.as_ref().unwrap().source.status;
     // A named folder with another basis must be made again. One that states no basis has the published one.
     for (said, asked, wanted) in [
-        (None, "half-life 2", Status::Reuse),
-        (None, "bent", Status::Stale),
-        (Some("half-life 2"), "bent", Status::Stale),
-        (Some("bent half-life 2, 3"), "bent", Status::Reuse),
-        (Some("bent half-life 2, 3"), "half-life 2", Status::Stale),
-        (Some("h-basis 6"), "bent", Status::Stale),
+        (None, "half-life-2", Freshness::Reuse),
+        (None, "bent-3", Freshness::Stale),
+        (Some("half-life-2"), "bent-3", Freshness::Stale),
+        (Some("bent-3"), "bent-3", Freshness::Reuse),
+        (Some("bent-3"), "half-life-2", Freshness::Stale),
+        (Some("h-basis-6"), "bent-3", Freshness::Stale),
+        // The names of former versions.
+        (Some("half-life 2"), "half-life 2", Freshness::Reuse),
+        (Some("bent half-life 2, 3"), "bent", Freshness::Reuse),
     ] {
         if let Some(said) = said {
             with_basis(&maps, said);
@@ -265,20 +268,20 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     }
     // Where the scene requests no basis, either is read. Others are refused.
     std::fs::write(&path, &text).unwrap();
-    with_basis(&maps, "bent half-life 2, 3");
+    with_basis(&maps, "bent-3");
     let read = open(&path, None).unwrap();
     assert_eq!(read.loaded[0].coefficients[1].as_ref().unwrap().basis, Basis::Bent);
-    for other in ["h-basis 6", "bent half-life 2, 6", "none: one light"] {
+    for other in ["h-basis-6", "bent-6", "none: one light"] {
         with_basis(&maps, other);
         let told = open(&path, None).unwrap_err().to_string();
-        let expected = "expected \"half-life 2\" or \"bent half-life 2, 3\"";
+        let expected = "expected \"half-life-2\" or \"bent-3\"";
         assert!(told.contains("options.basis") && told.contains(other) && told.contains(expected), "{told}");
     }
     // A value that names no basis is refused with its line.
     asks("curved");
     let told = Manifest::read(&path).unwrap_err().to_string();
     assert!(
-        told.contains("back.toml:7") && told.contains("curved") && told.contains("`half-life 2` or `bent`"),
+        told.contains("back.toml:7") && told.contains("curved") && told.contains("`half-life-2` or `bent-3`"),
         "{told}"
     );
 }
@@ -286,7 +289,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     use mesophyll::manifest::Basis;
-    use mesophyll::placed::fits::source::Status;
+    use mesophyll::placed::fits::source::Freshness;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();
@@ -302,13 +305,13 @@ fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     placed.make_translucency(&manifest, &out, search, &ledger).unwrap();
     let whole = Scene::new(manifest, placed, &ledger).unwrap();
     let translucent = whole.placed.leaves[0].translucent.as_ref().unwrap();
-    assert_eq!(translucent.source.status, Status::Reuse);
-    assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent half-life 2, 3");
+    assert_eq!(translucent.source.status, Freshness::Reuse);
+    assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent-3");
     assert_eq!(whole.loaded[0].coefficients[1].as_ref().map(|m| m.basis), Some(Basis::Bent));
     // The basis is no longer requested, so a run's own maps are made again with the published one.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{}")).unwrap();
     let after = open(&path, Some(&out)).unwrap().placed;
-    assert_eq!(after.leaves[0].translucent.as_ref().unwrap().source.status, Status::Stale);
+    assert_eq!(after.leaves[0].translucent.as_ref().unwrap().source.status, Freshness::Stale);
 }
 
 #[test]

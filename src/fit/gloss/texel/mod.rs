@@ -12,8 +12,8 @@ use super::project::{self, Channel, NONLINEAR};
 use super::start::{Bank, Scratch, Start};
 use super::{Device, NO_LIGHT, ReadingNoise, Robust, TexelFit, normal_of, normal_slopes};
 use mesophyll_optics::tube::fast::{self, COLUMNS, Lit};
-use mesophyll_optics::tube::lanes::Level;
 use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_processor::InstructionSet;
 use mesophyll_solve::Termination;
 
 /// The fit ends when the predicted decrease of χ² is below this; the last step is taken linearly. The step is then
@@ -41,7 +41,7 @@ const ALIKE: [f64; 2] = [-0.98, -0.995];
 pub struct TexelFitter {
     pub(super) device: Device,
     passes: Vec<Pass>,
-    pub(super) level: Level,
+    pub(super) level: InstructionSet,
     /// How outliers among the samples are treated.
     pub robust: Robust,
     /// Standard deviation (rad) of the tilt that a one-pass fit cannot see. The possible effect of such a tilt on the
@@ -89,7 +89,7 @@ impl TexelFitter {
         precision: &Precision,
         fineness: f64,
     ) -> Self {
-        let level = Level::detect();
+        let level = InstructionSet::detect();
         let model = Model::new(device.tube(), device.camera, device.lobe, precision);
         let pass = |travel: Travel, positions: &[f64], range: [f64; 2]| Pass {
             light: fast::Pass::new(&model, travel, positions, precision.along, level),

@@ -4,7 +4,8 @@
 
 use super::{Predictor, Scan, Scratch, Splits, Texel};
 use crate::gloss::normal_slopes;
-use mesophyll_capture::manifest::{Manifest, Travel};
+use mesophyll_capture::manifest::Manifest;
+use mesophyll_optics::tube::Travel;
 use nalgebra::{SMatrix, SVector};
 
 /// ρd and ρs a channel, m, two tilts.

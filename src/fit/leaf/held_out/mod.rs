@@ -18,7 +18,8 @@ pub use judge::{Judged, Tally, judge, stored_step};
 pub use predict::{Predictor, Scratch, Texel, texel_of};
 pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
 
-use mesophyll_capture::manifest::{Manifest, Travel};
+use mesophyll_capture::manifest::Manifest;
+use mesophyll_optics::tube::Travel;
 use mesophyll_capture::synth::random::Stream;
 use mesophyll_record::scan::{HeldOut, LightBox, Scan, off};
 

@@ -1,12 +1,11 @@
 //! What frames show of a fitted texel, according to the tube model.
 
 use super::Scan;
-use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
-use mesophyll_optics::tube::lanes::Level;
-use mesophyll_optics::tube::{self, Model, Precision};
+use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_processor::InstructionSet;
 
 /// A texel as it was fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,11 +56,7 @@ impl Predictor {
     pub fn new(scan: &Scan, travel: Travel, positions_mm: &[f64]) -> Predictor {
         let precision = Precision::default();
         let model = Model::new(scan.tube(), scan.camera(), scan.lobe(), &precision);
-        let travel = match travel {
-            Travel::X => tube::Travel::X,
-            Travel::Y => tube::Travel::Y,
-        };
-        Predictor { pass: Pass::new(&model, travel, positions_mm, precision.along, Level::detect()) }
+        Predictor { pass: Pass::new(&model, travel, positions_mm, precision.along, InstructionSet::detect()) }
     }
 
     /// How many positions there are.

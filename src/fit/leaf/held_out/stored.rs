@@ -4,7 +4,7 @@
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
 use crate::{Error, Result};
-use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::tube::Travel;
 use mesophyll_files::image::read_exr;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_leaf::File;

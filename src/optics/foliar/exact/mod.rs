@@ -263,8 +263,8 @@ impl<N: Real> Solved<'_, N> {
         let inside = kernel::row(grid, leaf.n_cuticle, &points, |_| N::of(1.0));
         let entered = N::of(1.0) - surface;
         let [lit, other] = match side {
-            Side::Adaxial => [0, 1].map(|k| (self.upper.applied(&inside)[k], k)),
-            Side::Abaxial => [1, 0].map(|k| (self.lower.applied(&inside)[k], k)),
+            Side::Front => [0, 1].map(|k| (self.upper.applied(&inside)[k], k)),
+            Side::Back => [1, 0].map(|k| (self.lower.applied(&inside)[k], k)),
         };
         Response { reflectance: surface + entered * lit.0, transmittance: entered * other.0 }
     }

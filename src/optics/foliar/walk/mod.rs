@@ -11,6 +11,7 @@ mod pass;
 
 use super::goniometer::{self, Goniometer};
 use super::{Leaf, Oblateness, Path, Side, enter};
+use mesophyll_processor::InstructionSet;
 use numbers::Random;
 use pass::{Place, Rays, Step, WIDTH};
 use rayon::prelude::*;
@@ -186,8 +187,8 @@ impl Walk {
         each: &mut impl FnMut(bool, [f32; 3]),
     ) -> Counts {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has just been asked.
+        if InstructionSet::detect() >= InstructionSet::Avx2 {
+            // SAFETY: this processor has the instruction set.
             return unsafe { self.part_avx2::<DIRECTIONS>(n, seed, part, each) };
         }
         self.part_plain::<DIRECTIONS>(n, seed, part, each)
@@ -218,8 +219,8 @@ impl Walk {
         let mut step = Step::new();
         let mut queues: [Rays; PLACES] = std::array::from_fn(|_| Rays::new(UNDER_WAY));
         let (inner, mirrored) = match self.side {
-            Side::Adaxial => (At::UpperDown as usize, At::MirroredUp as usize),
-            Side::Abaxial => (At::LowerUp as usize, At::MirroredDown as usize),
+            Side::Front => (At::UpperDown as usize, At::MirroredUp as usize),
+            Side::Back => (At::LowerUp as usize, At::MirroredDown as usize),
         };
         let (mut out, mut left, mut under_way) = ([0u64; 2], n, 0);
         let mut steps = 0;
@@ -240,7 +241,7 @@ impl Walk {
                 let rays = &mut queues[longest];
                 let before = rays.len;
                 if DIRECTIONS {
-                    let lit = (down == 0) == (self.side == Side::Adaxial);
+                    let lit = (down == 0) == (self.side == Side::Front);
                     let lobe = if turned { self.cuticle } else { None };
                     step.leave(lobe, &mut random, rays, |ray| each(lit, ray));
                 } else {
@@ -259,7 +260,7 @@ impl Walk {
                 break;
             }
         }
-        let [reflected, transmitted] = if self.side == Side::Adaxial { out } else { [out[1], out[0]] };
+        let [reflected, transmitted] = if self.side == Side::Front { out } else { [out[1], out[0]] };
         Counts { rays: n, reflected, transmitted, lost: under_way as u64 }
     }
 

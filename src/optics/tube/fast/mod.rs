@@ -9,8 +9,9 @@ mod light;
 mod respond;
 mod rules;
 
-use super::lanes::{Level, padded};
+use super::lanes::padded;
 use super::{Model, Travel};
+use mesophyll_processor::InstructionSet;
 use crate::dispatch_lanes;
 use crate::gloss::{Lobe, dot};
 use light::light;
@@ -44,7 +45,7 @@ pub struct Pass {
     model: Model,
     travel: Travel,
     positions: Vec<f64>,
-    level: Level,
+    level: InstructionSet,
     /// Nodes across the radius, by count.
     across: Vec<Vec<(f64, f64)>>,
     nodes: Nodes,
@@ -98,7 +99,7 @@ impl Nodes {
 impl Pass {
     /// A pass of `model` with the tube at these positions (mm). `along` is the number of nodes along the tube, and
     /// `level` the instruction set that may be used.
-    pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: Level) -> Pass {
+    pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: InstructionSet) -> Pass {
         let rule = super::arc::Rule::new(along);
         let full = |k: i32| (f64::from(k), 1.0);
         let half = |k: i32| (f64::from(k), if k == 0 { 1.0 } else { 2.0 });

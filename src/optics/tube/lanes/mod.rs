@@ -175,40 +175,6 @@ pub use x86::{Avx2, Avx512};
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-/// What the processor can do, asked once a fitter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
-    /// One number at a time.
-    Plain,
-    /// Four lanes and fused multiply–add.
-    Avx2,
-    /// Eight lanes.
-    Avx512,
-}
-
-impl Level {
-    /// What this processor can do.
-    pub fn detect() -> Level {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx512f") {
-                return Level::Avx512;
-            }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                return Level::Avx2;
-            }
-        }
-        Level::Plain
-    }
-
-    /// Every level this processor has.
-    pub fn available() -> Vec<Level> {
-        let best = Level::detect();
-        let all = [Level::Plain, Level::Avx2, Level::Avx512];
-        all.into_iter().filter(|l| *l as u8 <= best as u8).collect()
-    }
-}
-
 /// The largest number of values in a vector; columns are padded to whole vectors.
 pub(crate) const PAD: usize = 8;
 
@@ -217,11 +183,11 @@ pub fn padded(n: usize) -> usize {
     n.div_ceil(PAD) * PAD
 }
 
-/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `level`:
-/// `dispatch_lanes!(level, function(arg: Type, …) -> Return)`.
+/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `set`:
+/// `dispatch_lanes!(set, function(arg: Type, …) -> Return)`.
 #[macro_export]
 macro_rules! dispatch_lanes {
-    ($level:expr, $function:ident($($arg:ident : $type:ty),* $(,)?) $(-> $ret:ty)?) => {{
+    ($set:expr, $function:ident($($arg:ident : $type:ty),* $(,)?) $(-> $ret:ty)?) => {{
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]
@@ -232,17 +198,17 @@ macro_rules! dispatch_lanes {
             fn avx512($($arg: $type),*) $(-> $ret)? {
                 $function::<$crate::tube::lanes::Avx512>($($arg),*)
             }
-            match $level {
-                // SAFETY: `Level::detect` saw the instruction set on this processor.
-                $crate::tube::lanes::Level::Avx512 => unsafe { avx512($($arg),*) },
+            match $set {
+                // SAFETY: `InstructionSet::detect` saw the instruction set on this processor.
+                $crate::InstructionSet::Avx512 => unsafe { avx512($($arg),*) },
                 // SAFETY: as above.
-                $crate::tube::lanes::Level::Avx2 => unsafe { avx2($($arg),*) },
-                $crate::tube::lanes::Level::Plain => $function::<$crate::tube::lanes::Plain>($($arg),*),
+                $crate::InstructionSet::Avx2 => unsafe { avx2($($arg),*) },
+                $crate::InstructionSet::Plain => $function::<$crate::tube::lanes::Plain>($($arg),*),
             }
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
-            let _ = $level;
+            let _ = $set;
             $function::<$crate::tube::lanes::Plain>($($arg),*)
         }
     }};
@@ -251,6 +217,7 @@ macro_rules! dispatch_lanes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mesophyll_processor::InstructionSet;
 
     #[inline(always)]
     fn table<L: Lanes>(x: &[f64], exp: &mut [f64], recip: &mut [f64]) {
@@ -263,7 +230,7 @@ mod tests {
     #[test]
     fn exp_and_reciprocal() {
         let x: Vec<f64> = (1..=4000).map(|k| -f64::from(k) * 0.0173).collect();
-        for level in Level::available() {
+        for level in InstructionSet::available() {
             let (mut e, mut r) = (vec![0.0; x.len()], vec![0.0; x.len()]);
             let (xs, es, rs) = (&x[..], &mut e[..], &mut r[..]);
             dispatch_lanes!(level, table(xs: &[f64], es: &mut [f64], rs: &mut [f64]));

@@ -1,7 +1,7 @@
 //! No ray leaks through shared edges and corners, or in wide scenes with narrow gaps. Other scenes are empty, have
 //! piles of triangles, or refuse hits.
 
-use crate::common::{Accept, EVERY, alone, levels, numbered, point, seeded};
+use crate::common::{Accept, EVERY, alone, with_every_set, numbered, point, seeded};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;
@@ -44,7 +44,7 @@ fn closed_surfaces_are_closed() {
     let mut rng = seeded(11);
     for (radius, centre) in [(1.0, DVec3::ZERO), (1e-3, DVec3::splat(0.7)), (2e4, DVec3::new(1e6, -3e5, 2e4))] {
         let (positions, indices) = ball(40, radius, centre);
-        for forest in levels(&Forest::new(vec![Shape::new(&positions, &indices)], &[(0, DMat4::IDENTITY)])) {
+        for forest in with_every_set(&Forest::new(vec![Shape::new(&positions, &indices)], &[(0, DMat4::IDENTITY)])) {
             for t in indices.chunks_exact(3) {
                 let [a, b, c] = [0, 1, 2].map(|k| positions[t[k] as usize]);
                 let origin = centre + point(&mut rng, 0.5 * radius);
@@ -152,7 +152,7 @@ fn empty_scenes_empty_leaves_and_refused_hits() {
     }
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
     let stacked: Vec<DVec3> = (0..3).flat_map(|k| sheet.map(|p| p - DVec3::Z * f64::from(k))).collect();
-    for forest in levels(&alone(&stacked)) {
+    for forest in with_every_set(&alone(&stacked)) {
         let but_first: Accept = |_, t, _| t != 0;
         let none: Accept = |_, _, _| false;
         let third: Accept = |_, t, b| t == 2 && (b[0] - 0.25).abs() < 1e-12 && (b[1] - 0.5).abs() < 1e-12;
@@ -173,7 +173,7 @@ fn piles_of_coincident_triangles() {
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
     for count in [9, 600, 20_000] {
         let pile: Vec<DVec3> = (0..count).flat_map(|_| sheet).collect();
-        for forest in levels(&alone(&pile)) {
+        for forest in with_every_set(&alone(&pile)) {
             let found = forest.nearest(&ray, EVERY).unwrap();
             assert_eq!((found.t, found.triangle), (1.0, 0));
         }
@@ -193,7 +193,7 @@ fn degenerate_triangles_are_passed_by() {
     positions.extend([DVec3::new(0.0, 0.0, 0.4), DVec3::new(1.0, 0.0, 0.4), DVec3::new(2.0, 0.0, 0.4)]);
     positions.extend([DVec3::NAN, DVec3::X, DVec3::Y]);
     positions.extend([DVec3::INFINITY, DVec3::X, DVec3::Y]);
-    for forest in levels(&alone(&positions)) {
+    for forest in with_every_set(&alone(&positions)) {
         for origin in [DVec3::Z, DVec3::new(0.1, 0.0, 1.0)] {
             let hit = forest.nearest(&Ray::new(origin, -DVec3::Z), EVERY).unwrap();
             assert_eq!((hit.triangle, hit.t), (0, 1.0));
@@ -208,7 +208,7 @@ fn degenerate_triangles_are_passed_by() {
 #[test]
 fn back_faces_are_met() {
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
-    for forest in levels(&alone(&sheet)) {
+    for forest in with_every_set(&alone(&sheet)) {
         let [front, back] = [1.0, -1.0].map(|side| {
             let ray = Ray::new(DVec3::new(0.1, 0.2, side), DVec3::new(0.0, 0.0, -side));
             forest.nearest(&ray, EVERY).unwrap()

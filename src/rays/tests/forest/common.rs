@@ -1,7 +1,8 @@
 //! Helpers of the tests: random scenes, and searches that use no boxes.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use mesophyll_rays::{Forest, Hit, Level, Ray, Shape};
+use mesophyll_processor::InstructionSet;
+use mesophyll_rays::{Forest, Hit, Ray, Shape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -45,19 +46,17 @@ pub fn alone(positions: &[DVec3]) -> Forest {
     Forest::new(vec![Shape::new(positions, &numbered(positions))], &[(0, DMat4::IDENTITY)])
 }
 
-/// The forest at every level that the processor supports.
-pub fn levels(forest: &Forest) -> Vec<Forest> {
-    let mut levels = vec![Level::Plain, Level::detect()];
-    levels.dedup();
-    levels.into_iter().map(|level| forest.clone().at_level(level)).collect()
+/// The forest with every instruction set of this processor.
+pub fn with_every_set(forest: &Forest) -> Vec<Forest> {
+    InstructionSet::available().map(|set| forest.clone().with_instructions(set)).collect()
 }
 
-/// One mesh of separate triangles without a transform, at every level that the processor supports. No triangle is
+/// One mesh of separate triangles without a transform, with every instruction set of this processor. No triangle is
 /// solid, then every second one, then all.
 pub fn variants(positions: &[DVec3]) -> Vec<Forest> {
     let solid: [fn(usize) -> bool; 3] = [|_| false, |k| k % 2 == 0, |_| true];
     let shape = |which: fn(usize) -> bool| Shape::with_solid(positions, &numbered(positions), which);
-    solid.into_iter().flat_map(|which| levels(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)]))).collect()
+    solid.into_iter().flat_map(|which| with_every_set(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)]))).collect()
 }
 
 /// The first triangle by solving a 3×3 system for each of them, and its t.

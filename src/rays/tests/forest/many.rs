@@ -1,6 +1,6 @@
 //! Rays that are followed in turns have the answers that they have alone.
 
-use crate::common::{Accept, EVERY, levels, numbered, one_by_one, placement, point, seeded, soup, variants};
+use crate::common::{Accept, EVERY, with_every_set, numbered, one_by_one, placement, point, seeded, soup, variants};
 use glam::{DMat4, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;
@@ -62,7 +62,7 @@ fn instances_and_outlines_are_met_as_alone() {
     for count in [0, 1, 15, 16, 17, 1500] {
         let start = |rng: &mut _| point(rng, 6.0);
         let rays: Vec<Ray> = (0..count).map(|_| Ray::new(start(&mut rng), point(&mut rng, 1.0))).collect();
-        for forest in levels(&forest) {
+        for forest in with_every_set(&forest) {
             hits += same(&forest, &rays, outline);
         }
     }

@@ -1,0 +1,47 @@
+//! Units of length, by the names that files and options give them.
+
+use serde::Deserialize;
+
+/// What one unit of a file's lengths is.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Deserialize,
+    strum::IntoStaticStr,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::EnumMessage,
+)]
+pub enum Unit {
+    /// Micrometres
+    #[serde(rename = "um")]
+    #[strum(to_string = "um", serialize = "µm", serialize = "μm", serialize = "micron", serialize = "microns")]
+    Micrometre,
+    /// Millimetres
+    #[serde(rename = "mm")]
+    #[strum(to_string = "mm")]
+    Millimetre,
+    /// Centimetres
+    #[serde(rename = "cm")]
+    #[strum(to_string = "cm")]
+    Centimetre,
+    /// Metres, which glTF asks for
+    #[serde(rename = "m")]
+    #[strum(to_string = "m")]
+    Metre,
+}
+
+impl Unit {
+    /// One unit in mm.
+    pub fn mm(self) -> f64 {
+        match self {
+            Unit::Micrometre => 1e-3,
+            Unit::Millimetre => 1.0,
+            Unit::Centimetre => 10.0,
+            Unit::Metre => 1000.0,
+        }
+    }
+}

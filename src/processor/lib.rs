@@ -1,0 +1,40 @@
+//! The instruction sets for which the program's inner loops are compiled, and which of them this processor has. A loop
+//! that comes in several versions asks [`InstructionSet::detect`] and calls the version for the answer.
+
+#![warn(missing_docs)]
+
+/// Vector instructions of the processor. A later set includes the earlier ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum InstructionSet {
+    /// The instructions that every processor of this architecture has.
+    Plain,
+    /// AVX2 with fused multiply–add (FMA) and bit manipulation (BMI1): vectors of 256 bits.
+    Avx2,
+    /// AVX-512 Foundation: vectors of 512 bits.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// Every set, the smallest first.
+    pub const ALL: [InstructionSet; 3] = [InstructionSet::Plain, InstructionSet::Avx2, InstructionSet::Avx512];
+
+    /// The largest set that this processor has.
+    #[inline]
+    pub fn detect() -> InstructionSet {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1") {
+            return if is_x86_feature_detected!("avx512f") { InstructionSet::Avx512 } else { InstructionSet::Avx2 };
+        }
+        InstructionSet::Plain
+    }
+
+    /// The sets that this processor has, the smallest first.
+    pub fn available() -> impl Iterator<Item = InstructionSet> {
+        InstructionSet::ALL.into_iter().filter(|set| *set <= InstructionSet::detect())
+    }
+
+    /// This set if the processor has it, otherwise the largest one that it has.
+    pub fn or_less(self) -> InstructionSet {
+        self.min(InstructionSet::detect())
+    }
+}
