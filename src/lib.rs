@@ -57,7 +57,7 @@
 //! 8   proof         placed      export
 //! 7   manifest
 //! 6   fit           fit_branch  fit_grass  fit_sky   fit_translucency   fit_transfer
-//! 5   leaf
+//! 5   leaf          photo
 //! 4   capture
 //! 3   translucency  walk        transport   record      window
 //! 2   optics        viewer      flora       foreign
@@ -81,6 +81,7 @@ pub use mesophyll_foreign as foreign;
 pub use mesophyll_leaf as leaf;
 pub use mesophyll_manifest as manifest;
 pub use mesophyll_optics as optics;
+pub use mesophyll_photo as photo;
 pub use mesophyll_placed as placed;
 pub use mesophyll_plant as plant;
 pub use mesophyll_proof as proof;

@@ -4,9 +4,9 @@
 //! distance would be lost. D puts it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
 
 use crate::manifest::{Manifest, Pass, texel_position, white_path};
-use mesophyll_optics::tube::{Travel, Tube};
 use crate::{Error, Result};
 use mesophyll_files::image::{exr_info, read_exr_rows};
+use mesophyll_optics::tube::{Travel, Tube};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;

@@ -9,6 +9,7 @@ use std::path::Path;
 /// The manifest at `path`.
 #[derive(Debug, Clone, Copy)]
 pub struct Fields<'a> {
+    /// Path of the file.
     pub path: &'a Path,
 }
 
@@ -33,7 +34,7 @@ impl Fields<'_> {
 
     /// Checks lengths of a device: between a nanometre and ten kilometres. Beyond these, arithmetic is tested and not a
     /// device.
-    pub(crate) fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
+    pub fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
         match lengths.into_iter().find(|(_, value)| !(1e-6..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "a positive length in mm, 1e-6 to 1e7")),
             None => Ok(()),
@@ -50,7 +51,8 @@ impl Fields<'_> {
         }
     }
 
-    pub(crate) fn not_negative<const N: usize>(&self, numbers: [(&str, Option<f64>); N]) -> Result<()> {
+    /// Checks numbers that may be left out, such as noises: zero or more.
+    pub fn not_negative<const N: usize>(&self, numbers: [(&str, Option<f64>); N]) -> Result<()> {
         let stated = numbers.into_iter().filter_map(|(field, value)| Some((field, value?)));
         match stated.into_iter().find(|(_, value)| !(0.0..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "zero or a positive number up to 1e7")),

@@ -6,14 +6,13 @@
 pub mod beams;
 mod calibrate;
 pub mod dome;
-mod field;
+pub mod field;
 pub mod goniometer;
 pub mod grid;
 pub mod inspect;
 pub mod kind;
 pub mod lightbox;
 pub mod manifest;
-pub mod photo;
 pub mod pigments;
 pub mod reader;
 pub mod synth;

@@ -70,7 +70,7 @@ fn keep_large_pieces(inside: &[bool], width: usize, height: usize) -> Vec<bool> 
 }
 
 /// The 4-connected pieces of `inside`: the number of each texel's piece, 0 for none, and the texels of each piece.
-pub(crate) fn pieces(inside: &[bool], width: usize, height: usize) -> (Vec<u32>, Vec<usize>) {
+pub fn pieces(inside: &[bool], width: usize, height: usize) -> (Vec<u32>, Vec<usize>) {
     let mut label = vec![0u32; inside.len()];
     let mut sizes = vec![0usize];
     let mut stack = Vec::new();

@@ -3,11 +3,11 @@
 
 use crate::calibrate::Gain;
 use crate::manifest::{Manifest, frame_path, mirror_path, white_path};
-use mesophyll_optics::tube::Travel;
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -251,7 +251,7 @@ fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
 }
 
 /// RGB planes → one triple a texel.
-pub(crate) fn interleave(maps: &Maps) -> Pixels {
+pub fn interleave(maps: &Maps) -> Pixels {
     let [r, g, b] = [0, 1, 2].map(|c: usize| &maps.channels[c].1);
     r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect()
 }

@@ -2,8 +2,8 @@
 
 use crate::window::WindowKind;
 use crate::{Error, Form, Method, Options, Result, fit, folder, over, standard};
-use mesophyll_sky::SkyModel;
 use mesophyll_files::progress;
+use mesophyll_sky::SkyModel;
 use mesophyll_sky::window::Window;
 use mesophyll_sky::{Coefficients, Model, Refused, irradiance, project};
 use std::path::Path;

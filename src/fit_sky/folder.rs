@@ -3,11 +3,11 @@
 use super::judge::{Judged, Reference, judge};
 use super::{Fitted, Form, Options};
 use crate::{Error, Result};
-use mesophyll_sky::SkyModel;
 use mesophyll_files::{atomic, hash};
 use mesophyll_record::maker::{self, Maker};
 use mesophyll_record::{FitKind, FitRecord, Section};
-use mesophyll_sky::fitted::{Polynomials, Folded, Tensor};
+use mesophyll_sky::SkyModel;
+use mesophyll_sky::fitted::{Folded, Polynomials, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

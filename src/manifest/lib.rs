@@ -26,8 +26,8 @@ pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 use mesophyll_error::Fault;
 pub(crate) use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
-use mesophyll_files::unit::Unit;
 use mesophyll_files::numbers;
+use mesophyll_files::unit::Unit;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

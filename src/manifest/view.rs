@@ -1,7 +1,7 @@
 //! The cameras of a scene, and how a picture is checked against its reference.
 
-use mesophyll_optics::tube::Travel;
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 use serde::Deserialize;
 
 /// What a view shows.

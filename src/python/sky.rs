@@ -2,10 +2,10 @@
 
 use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named, run};
 use mesophyll_error::Status;
-use mesophyll_sky::SkyModel;
 use mesophyll_fit_sky::evaluate::{Evaluator, Source};
 use mesophyll_fit_sky::window::WindowKind;
 use mesophyll_sky::Coefficients;
+use mesophyll_sky::SkyModel;
 use mesophyll_sky::harmonics::{Basis, MOST_BANDS};
 use mesophyll_sky::irradiance::convolved;
 use pyo3::exceptions::PyValueError;

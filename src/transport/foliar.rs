@@ -15,8 +15,8 @@ use glam::DVec3;
 use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Shares, Turned};
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
 use mesophyll_optics::foliar::{Leaf, lobe, ray};
-use mesophyll_optics::side::Side;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The choice between the two models.

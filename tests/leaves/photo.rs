@@ -1,12 +1,12 @@
 //! Photographs in open shade and on a light table: from synthesis to a fit, against the truth, and bad pictures.
 
 use crate::common::{copy_tree, refused, run, succeeded};
-use mesophyll::capture::photo::{Manifest, picture::Picture, reduce};
 use mesophyll::capture::synth::spec::Spec;
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::leaf::LeafFit;
 use mesophyll::optics::side::Side;
 use mesophyll::optics::slab::exact;
+use mesophyll::photo::{Manifest, picture::Picture, reduce};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -249,7 +249,7 @@ fn developed_pictures_are_read() {
     assert!(Picture::read(&dir.path().join("e.exr"), &manifest).unwrap_err().to_string().contains("no reading"));
 }
 
-fn toml_transfer(srgb: bool) -> mesophyll::capture::photo::manifest::Transfer {
-    use mesophyll::capture::photo::manifest::Transfer;
+fn toml_transfer(srgb: bool) -> mesophyll::photo::manifest::Transfer {
+    use mesophyll::photo::manifest::Transfer;
     if srgb { Transfer::Srgb } else { Transfer::Linear }
 }

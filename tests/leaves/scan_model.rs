@@ -14,12 +14,7 @@ fn synthesis_and_fit_see_the_same_texel() {
 fn worst(length_mm: f64) -> [f64; 2] {
     let tube = Tube { height_mm: 100.0, length_mm, radius_mm: 2.5 };
     let camera = 55f64.to_radians();
-    let fit = Model::new(
-        tube,
-        [camera.sin(), 0.0, camera.cos()],
-        Lobe::Beckmann,
-        &Precision::fine(),
-    );
+    let fit = Model::new(tube, [camera.sin(), 0.0, camera.cos()], Lobe::Beckmann, &Precision::fine());
     let mut all = [0.0f64; 2];
     for travel in [Travel::X, Travel::Y] {
         let synth = Device::new(tube, travel, 55.0);

@@ -3,10 +3,10 @@
 
 use assert_cmd::Command;
 use mesophyll::capture::manifest::{Manifest, frame_path, mirror_path, texel_position, white_path};
-use mesophyll::optics::tube::Travel;
 use mesophyll::files::image::{exr_info, read_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::side::Side;
+use mesophyll::optics::tube::Travel;
 use std::path::{Path, PathBuf};
 
 fn spec(name: &str) -> PathBuf {
@@ -189,7 +189,7 @@ fn every_species_grows() {
 #[test]
 fn a_leaf_of_layers_has_another_truth() {
     use mesophyll::optics::foliar::{Leaf, Oblateness, Path as Crossing, exact};
-use mesophyll::optics::side::Side as Lit;
+    use mesophyll::optics::side::Side as Lit;
 
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("soybean");

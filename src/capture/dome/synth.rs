@@ -214,7 +214,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
 }
 
 /// The true maps of a side: those of the leaf, and what its photographs show of it.
-pub(crate) fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
+pub fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
     let mask = blade.leaf.mask_of(name);
     let mut maps = blade.leaf.truth(name);
     for c in 0..3 {
@@ -290,7 +290,7 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
 }
 
 /// The refractive index of a smooth surface that mirrors as much along its normal as each side does, to two digits.
-pub(crate) fn index_of(spec: &Spec) -> [f64; 2] {
+pub fn index_of(spec: &Spec) -> [f64; 2] {
     let fresnel = spec.lobe.index().map_or(1.0, |index| ((index - 1.0) / (index + 1.0)).powi(2));
     [&spec.front, &spec.back].map(|s| {
         let r = (s.rho_s * fresnel).min(0.15).sqrt();

@@ -9,8 +9,8 @@
 use super::{Inspection, list_numbers};
 use crate::Result;
 use crate::manifest::{Manifest, Pass, mirror_path};
-use mesophyll_optics::tube::Travel;
 use mesophyll_files::image;
+use mesophyll_optics::tube::Travel;
 use serde::Serialize;
 use std::path::Path;
 

@@ -14,8 +14,8 @@
 //! 0.03 (tested against area elements of the cylinder). This code shares only the name of a lobe with the fit.
 
 use super::slab_truth::gauss_legendre;
-use mesophyll_optics::tube::{Travel, Tube};
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::{Travel, Tube};
 use std::f64::consts::PI;
 
 /// Diffuse and glossy part of a texel's value, which is ρd · diffuse + ρs · gloss.

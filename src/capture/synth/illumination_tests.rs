@@ -2,8 +2,8 @@
 
 use super::illumination::{Device, Shown};
 use super::slab_truth::gauss_legendre;
-use mesophyll_optics::tube::{Travel, Tube};
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::{Travel, Tube};
 use std::f64::consts::PI;
 
 const TUBE: Tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };

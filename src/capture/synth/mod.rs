@@ -13,7 +13,7 @@ mod interior;
 pub mod layers;
 pub mod leaf;
 pub(crate) mod outline;
-pub(crate) mod preview;
+pub mod preview;
 pub mod random;
 pub mod scan;
 pub(crate) mod sensor;

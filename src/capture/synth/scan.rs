@@ -9,13 +9,13 @@ use super::random::Stream;
 use super::sensor::{EXPOSURES, Sensor};
 use super::spec::{Model, Spec};
 use crate::manifest::{self, LightBox, Manifest, Pass, texel_position};
-use mesophyll_optics::tube::Travel;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::{Bar, stop_requested};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -88,7 +88,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
 }
 
 /// Ends a synthesis after Ctrl-C.
-pub(crate) fn stop_if_asked(folder: &Path) -> Result<()> {
+pub fn stop_if_asked(folder: &Path) -> Result<()> {
     if stop_requested() {
         return Err(Error::Interrupted(format!(
             "stopped before the capture {} was complete; nothing of it was kept",

@@ -2,10 +2,10 @@
 //! is scanned. Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
 use super::layers::Foliar;
-use mesophyll_optics::tube::Tube;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};

@@ -5,9 +5,9 @@ use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::image::{Packing, write_exr};
 use mesophyll_files::{claim, progress};
-use mesophyll_sky::SkyModel;
 use mesophyll_fit_sky::panorama::projection::{Projection, ProjectionKind};
 use mesophyll_fit_sky::panorama::render::{Shot, render};
+use mesophyll_sky::SkyModel;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:

@@ -74,7 +74,13 @@ fn options(args: &Args) -> Result<Options> {
     let totals = args.totals;
     let levels = usize::from(args.levels);
     Ok(Options {
-        fit: inverse::Options { levels, totals, incidence: args.incidence, fix_scale: args.fix_scale, ..inverse::Options::default() },
+        fit: inverse::Options {
+            levels,
+            totals,
+            incidence: args.incidence,
+            fix_scale: args.fix_scale,
+            ..inverse::Options::default()
+        },
         g: args.g,
         entry: args.entry,
         start: args.start,

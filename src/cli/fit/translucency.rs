@@ -1,9 +1,9 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use crate::named::named;
 use crate::{Common, place};
 use crate::{Error, Result};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
 use mesophyll_fit::dome;

@@ -3,7 +3,7 @@
 use super::{Args, said, shown};
 use crate::Common;
 use crate::Result;
-use mesophyll_capture::photo::{Inspection, inspect};
+use mesophyll_photo::{Inspection, inspect};
 use std::fmt::Write;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

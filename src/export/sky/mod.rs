@@ -10,7 +10,7 @@ use crate::{Error, Result};
 use mesophyll_fit_sky::{Form, folder};
 use mesophyll_record::FitRecord;
 use mesophyll_sky::fitted::mix::{TURBIDITY_ZERO, rgb_from_separable};
-use mesophyll_sky::fitted::{Polynomials, Folded};
+use mesophyll_sky::fitted::{Folded, Polynomials};
 use mesophyll_sky::irradiance::{add_ground, below_horizon};
 use mesophyll_sky::{Coefficients, preetham};
 use std::f64::consts::PI;

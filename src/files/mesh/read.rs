@@ -1,8 +1,8 @@
 //! Reads a leaf's mesh from glTF: node transforms and primitives of a file that [`gltf_file`] opened.
 
 use super::{LeafMesh, vertex_normals, vertex_tangents};
-use crate::unit::Unit;
 use crate::gltf_file::{self, DEEPEST, Opened, Surface, wide};
+use crate::unit::Unit;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
 use std::collections::BTreeSet;

@@ -10,8 +10,8 @@ pub mod surface;
 pub use mesophyll_capture::pigments;
 
 use mesophyll_files::table::{Answer, Status};
-use mesophyll_optics::side::Side;
 use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
+use mesophyll_optics::side::Side;
 use mesophyll_solve::{Closure, Noise, Options as Solver, Problem, global};
 use shared::Shared;
 use std::cell::RefCell;

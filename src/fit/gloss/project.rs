@@ -80,7 +80,15 @@ impl Channel {
     }
 
     /// Inner products of the model's changes by ln m and by `tilts` tilts.
-    pub fn slopes(&mut self, level: InstructionSet, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], m: f64, tilts: usize) {
+    pub fn slopes(
+        &mut self,
+        level: InstructionSet,
+        columns: &[Vec<f64>; COLUMNS],
+        y: &[f64],
+        w: &[f64],
+        m: f64,
+        tilts: usize,
+    ) {
         let factors = [self.rho_s * m, self.rho_d, self.rho_s];
         let sums = dispatch_lanes!(
             level,

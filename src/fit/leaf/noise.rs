@@ -3,9 +3,9 @@
 use crate::Result;
 use crate::gloss::ReadingNoise;
 use crate::leaf::held_out::Splits;
-use mesophyll_optics::tube::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 
 /// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is
 /// taken off and before division by the white sheet.

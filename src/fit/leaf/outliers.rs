@@ -134,8 +134,8 @@ pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> 
             let (a, b) = (&rho_t[k], &rho_t[at[n as usize] as usize]);
             a.iter().zip(b).map(|(a, b)| (a.max(1e-4) / b.max(1e-4)).ln().powi(2)).sum()
         };
-        let seen = rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0)
-            && !Defect::from_code(mask[k]).is_some_and(of_light_box);
+        let seen =
+            rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0) && !Defect::from_code(mask[k]).is_some_and(of_light_box);
         if seen {
             // The sort is stable: texels that are equally similar keep their order, so the list is the same on every
             // run.

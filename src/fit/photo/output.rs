@@ -1,11 +1,10 @@
 //! The folder of a leaf fit, from photographs: the same files, channels and sections as from a scan under a tube.
 
+use super::DEFECTS;
 use super::Fitted;
 use crate::Result;
 use crate::dome::output::judged;
 use crate::leaf::blade::{Grid, glb, mesh};
-use super::DEFECTS;
-use mesophyll_capture::photo::{Manifest, Reduced};
 use mesophyll_capture::truth_path;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
@@ -13,6 +12,7 @@ use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{BLADE, File, fill, previews};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::inverse;
+use mesophyll_photo::{Manifest, Reduced};
 use mesophyll_record::{FitRecord, Param, Residuals, Section};
 use std::path::Path;
 

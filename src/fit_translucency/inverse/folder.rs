@@ -24,7 +24,10 @@ pub fn describe(
     say("entry", options.entry.name().into());
     say("form", "thin".into());
     say("totals", if options.fit.totals == Totals::Transport { "transport" } else { "form" }.into());
-    say("incidence", if options.fit.incidence == Incidence::Slant { "each beam's own" } else { "along the normal" }.into());
+    say(
+        "incidence",
+        if options.fit.incidence == Incidence::Slant { "each beam's own" } else { "along the normal" }.into(),
+    );
     say("levels", options.fit.levels.to_string());
     say("thickness_scale", if options.fit.fix_scale { "fixed" } else { "fitted" }.into());
     say("g", format!("{:?}", options.g));

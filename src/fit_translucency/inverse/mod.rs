@@ -151,7 +151,14 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { levels: 8, totals: Totals::Transport, incidence: Incidence::Slant, fix_scale: false, rounds: 12, told: false }
+        Options {
+            levels: 8,
+            totals: Totals::Transport,
+            incidence: Incidence::Slant,
+            fix_scale: false,
+            rounds: 12,
+            told: false,
+        }
     }
 }
 

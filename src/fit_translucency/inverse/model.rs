@@ -63,8 +63,11 @@ impl<'a> Model<'a> {
         let levels = Levels { count: options.levels, ..Levels::default() };
         let reach = (1.3 * reach_mm(measured, at, 0.1 * TAIL)).max(4.0 * measured.texel_mm);
         let mut incidences = Vec::new();
-        for cosine in
-            measured.channels.iter().flat_map(|c| &c.images).map(|i| if options.incidence == Incidence::Slant { i.cosine } else { 1.0 })
+        for cosine in measured
+            .channels
+            .iter()
+            .flat_map(|c| &c.images)
+            .map(|i| if options.incidence == Incidence::Slant { i.cosine } else { 1.0 })
         {
             if !incidences.contains(&cosine) {
                 incidences.push(cosine);

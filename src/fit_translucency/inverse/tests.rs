@@ -6,8 +6,14 @@ use super::*;
 use mesophyll_optics::side::Side;
 use mesophyll_walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
 
-const QUICK: Options =
-    Options { levels: 4, totals: Totals::Transport, incidence: Incidence::Slant, fix_scale: false, rounds: 12, told: false };
+const QUICK: Options = Options {
+    levels: 4,
+    totals: Totals::Transport,
+    incidence: Incidence::Slant,
+    fix_scale: false,
+    rounds: 12,
+    told: false,
+};
 
 fn start(sigma_a: f64, reduced: f64, scale: f64) -> Tissues {
     Tissues { sigma_a: vec![sigma_a], reduced: vec![reduced], scale }

@@ -196,9 +196,7 @@ fn a_black_leaf_of_one_index_reflects_by_its_surface_alone() {
         assert!((r.reflectance - leaf.surface_reflectance(incidence)).abs() < 1e-9 && r.transmittance == 0.0);
         // Light that circulates inside the epidermis adds to this where the indices differ.
         let soybean = Leaf::soybean(1e9);
-        assert!(
-            exactly(&soybean, Side::Front, incidence).reflectance > soybean.surface_reflectance(incidence) + 1e-4
-        );
+        assert!(exactly(&soybean, Side::Front, incidence).reflectance > soybean.surface_reflectance(incidence) + 1e-4);
     }
 }
 

@@ -1,7 +1,7 @@
 use super::fast::{COLUMNS, Lit, Pass};
-use mesophyll_processor::InstructionSet;
 use super::*;
 use crate::gloss::dot;
+use mesophyll_processor::InstructionSet;
 use std::f64::consts::PI;
 
 const TUBE: Tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };

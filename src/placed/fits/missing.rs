@@ -8,7 +8,6 @@ use super::source;
 use crate::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_capture::inspect::inspect;
-use mesophyll_optics::tube::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_capture::synth::leaf::Leaf as Grown;
 use mesophyll_capture::synth::{
@@ -19,6 +18,7 @@ use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fit::leaf as fit;
 use mesophyll_fit_translucency as through;
 use mesophyll_manifest::{Leaf, Manifest, Scan};
+use mesophyll_optics::tube::Travel;
 use std::path::{Path, PathBuf};
 
 /// The options for the fit of a scene's leaf: the lobe with which it will be drawn.

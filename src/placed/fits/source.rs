@@ -82,9 +82,11 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
     let from = if leaf.capture.is_some() { "capture" } else { "scan" };
     Ok(match stale {
         Some(why) => Source { status: Freshness::Stale, folder: made, why },
-        None => {
-            Source { status: Freshness::Missing, folder: made, why: format!("not fitted yet; the scene names a {from}") }
-        }
+        None => Source {
+            status: Freshness::Missing,
+            folder: made,
+            why: format!("not fitted yet; the scene names a {from}"),
+        },
     })
 }
 

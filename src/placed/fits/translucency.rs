@@ -1,7 +1,7 @@
 //! The source of the translucency maps of a scene's leaf: a folder of `fit translucency` that the scene names, or one
 //! that a run has made.
 
-use super::source::{Source, Freshness};
+use super::source::{Freshness, Source};
 use crate::Result;
 use mesophyll_files::hash;
 use mesophyll_fit_translucency::recipe::Recipe;
@@ -56,7 +56,9 @@ pub fn find(
     }
     let Some(place) = found else {
         let (status, why) = match stale {
-            true => (Freshness::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
+            true => {
+                (Freshness::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made")
+            }
             false => (Freshness::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
         };
         let source = Source { status, folder: made, why: why.into() };
@@ -71,6 +73,7 @@ pub fn find(
 /// named folder may have any.
 fn as_asked(asked: &Asked, record: &FitRecord, named: bool) -> bool {
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
-    let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| Functions::named(s) == Some(b.into()));
+    let of =
+        |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| Functions::named(s) == Some(b.into()));
     Recipe::agrees(record, &asked.options()) && wanted.is_none_or(of)
 }

@@ -7,13 +7,13 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_optics::tube::Travel;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
 use mesophyll_fit::leaf::{self, Options};
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 use mesophyll_record::FitRecord;
 use mesophyll_record::maker::Outcome;
 use std::path::Path;

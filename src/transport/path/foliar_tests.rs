@@ -7,8 +7,8 @@ use crate::made_up::{leaf, square};
 use crate::world::{Placement, ReferenceSun, World};
 use glam::{DMat4, DVec3};
 use mesophyll_optics::foliar::{Leaf, exact, fsm};
-use mesophyll_optics::side::Side;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
 use std::sync::{Arc, LazyLock};
 
 /// Absorption of red, green and blue light in a soybean leaf's mesophyll.

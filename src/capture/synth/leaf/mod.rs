@@ -191,7 +191,7 @@ impl Leaf {
     }
 
     /// The mask as that side's camera saw it.
-    pub(crate) fn mask_of(&self, side: Side) -> Vec<bool> {
+    pub fn mask_of(&self, side: Side) -> Vec<bool> {
         match side {
             Side::Front => self.mask.clone(),
             Side::Back => mirror(&self.mask, self.width),

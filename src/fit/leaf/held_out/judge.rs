@@ -7,10 +7,10 @@ use crate::leaf::curve::{Curve, Incidence};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::{self, Level};
 use crate::leaf::outliers;
-use mesophyll_optics::tube::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::RGB;
+use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

@@ -19,8 +19,8 @@ pub use predict::{Predictor, Scratch, Texel, texel_of};
 pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
 
 use mesophyll_capture::manifest::Manifest;
-use mesophyll_optics::tube::Travel;
 use mesophyll_capture::synth::random::Stream;
+use mesophyll_optics::tube::Travel;
 use mesophyll_record::scan::{HeldOut, LightBox, Scan, off};
 
 /// A pass with fewer frames than this keeps all of them for the fit: a texel has nine parameters, and every frame is

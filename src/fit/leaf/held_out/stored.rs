@@ -4,11 +4,11 @@
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
 use crate::{Error, Result};
-use mesophyll_optics::tube::Travel;
 use mesophyll_files::image::read_exr;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_leaf::File;
 use mesophyll_optics::side::Side;
+use mesophyll_optics::tube::Travel;
 use mesophyll_record::FitRecord;
 use rayon::prelude::*;
 use std::path::Path;

@@ -11,10 +11,10 @@ mod rules;
 
 use super::lanes::padded;
 use super::{Model, Travel};
-use mesophyll_processor::InstructionSet;
 use crate::dispatch_lanes;
 use crate::gloss::{Lobe, dot};
 use light::light;
+use mesophyll_processor::InstructionSet;
 use mesophyll_quadrature::symmetric;
 use respond::respond;
 

@@ -1,6 +1,8 @@
 //! Searches by trees give the same results as searches without trees.
 
-use crate::common::{EVERY, by_solving, with_every_set, numbered, one_by_one, placement, point, seeded, soup, variants};
+use crate::common::{
+    EVERY, by_solving, numbered, one_by_one, placement, point, seeded, soup, variants, with_every_set,
+};
 use glam::{DMat4, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use proptest::prelude::*;
@@ -89,8 +91,10 @@ fn a_limit_beside_a_hit_is_kept_to() {
     for size in [1.0, 1e-2, 1e-3] {
         let mesh = soup(&mut rng, 120, 1.0, size);
         let triangles = thirds(&mesh);
-        let forests =
-            with_every_set(&Forest::new(vec![Shape::with_solid(&mesh, &numbered(&mesh), |_| true)], &[(0, DMat4::IDENTITY)]));
+        let forests = with_every_set(&Forest::new(
+            vec![Shape::with_solid(&mesh, &numbered(&mesh), |_| true)],
+            &[(0, DMat4::IDENTITY)],
+        ));
         for k in 0..1200 {
             let aim = triangles[k % 120].iter().sum::<DVec3>() / 3.0 + point(&mut rng, 0.2 * size);
             let origin = aim + point(&mut rng, 10f64.powi(k as i32 % 5 - 2));
@@ -113,8 +117,10 @@ fn solid_triangles_are_not_asked_for() {
     let mesh = soup(&mut rng, 200, 1.0, 0.5);
     let triangles = thirds(&mesh);
     let even: Vec<_> = triangles.iter().step_by(2).copied().collect();
-    let forests =
-        with_every_set(&Forest::new(vec![Shape::with_solid(&mesh, &numbered(&mesh), |k| k % 2 == 0)], &[(0, DMat4::IDENTITY)]));
+    let forests = with_every_set(&Forest::new(
+        vec![Shape::with_solid(&mesh, &numbered(&mesh), |k| k % 2 == 0)],
+        &[(0, DMat4::IDENTITY)],
+    ));
     let mut hits = 0;
     for _ in 0..1000 {
         let origin = point(&mut rng, 2.0);

@@ -1,7 +1,7 @@
 //! No ray leaks through shared edges and corners, or in wide scenes with narrow gaps. Other scenes are empty, have
 //! piles of triangles, or refuse hits.
 
-use crate::common::{Accept, EVERY, alone, with_every_set, numbered, point, seeded};
+use crate::common::{Accept, EVERY, alone, numbered, point, seeded, with_every_set};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;

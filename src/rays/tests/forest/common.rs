@@ -56,7 +56,10 @@ pub fn with_every_set(forest: &Forest) -> Vec<Forest> {
 pub fn variants(positions: &[DVec3]) -> Vec<Forest> {
     let solid: [fn(usize) -> bool; 3] = [|_| false, |k| k % 2 == 0, |_| true];
     let shape = |which: fn(usize) -> bool| Shape::with_solid(positions, &numbered(positions), which);
-    solid.into_iter().flat_map(|which| with_every_set(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)]))).collect()
+    solid
+        .into_iter()
+        .flat_map(|which| with_every_set(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)])))
+        .collect()
 }
 
 /// The first triangle by solving a 3×3 system for each of them, and its t.

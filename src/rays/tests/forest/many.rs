@@ -1,6 +1,6 @@
 //! Rays that are followed in turns have the answers that they have alone.
 
-use crate::common::{Accept, EVERY, with_every_set, numbered, one_by_one, placement, point, seeded, soup, variants};
+use crate::common::{Accept, EVERY, numbered, one_by_one, placement, point, seeded, soup, variants, with_every_set};
 use glam::{DMat4, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;

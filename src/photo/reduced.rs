@@ -1,7 +1,7 @@
 //! What photographs of a leaf are reduced to: maps of both sides, their errors and their defects.
 
 use super::ruler::Scale;
-use crate::dome::highlight::Highlight;
+use mesophyll_capture::dome::highlight::Highlight;
 use mesophyll_optics::side::{Side, mirror};
 use std::collections::BTreeMap;
 

@@ -6,6 +6,8 @@
 //! that the leaf reflects, which is the slab's ρd plus what the surface mirrors. The light table measures the slab's
 //! ρt in the same way.
 
+#![warn(missing_docs)]
+
 mod grid;
 mod inspect;
 mod light;
@@ -24,3 +26,5 @@ pub use inspect::{Inspection, inspect};
 pub use manifest::Manifest;
 pub use reduce::reduce;
 pub use reduced::Reduced;
+
+pub(crate) use mesophyll_error::{Error, Result};

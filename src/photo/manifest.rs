@@ -1,9 +1,9 @@
 //! `capture.toml` of photographs: which pictures there are, what lies in them, and what is stated because no
 //! photograph shows it. Places in a picture are in pixels from its upper left corner, lengths in mm.
 
-use crate::field::Fields;
-use crate::kind::{self, Kind};
 use crate::{Error, Result};
+use mesophyll_capture::field::Fields;
+use mesophyll_capture::kind::{self, Kind};
 use mesophyll_files::hash;
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};

@@ -39,7 +39,7 @@ pub(super) fn on_light_table(picture: &Picture, bare: &Picture) -> Result<OnTabl
     }
     let mut levels: Vec<f64> = (0..w * h).step_by((w * h / 100_000).max(1)).map(|k| f64::from(bare.grey(k))).collect();
     levels.retain(|v| v.is_finite());
-    let full = crate::dome::noise::quantile(&mut levels, 0.9);
+    let full = mesophyll_capture::dome::noise::quantile(&mut levels, 0.9);
     // Where the bare picture is darker than a tenth of the table there is no table.
     let ratio: Vec<[f32; 3]> = (0..w * h)
         .map(|k| {
@@ -55,7 +55,7 @@ pub(super) fn on_light_table(picture: &Picture, bare: &Picture) -> Result<OnTabl
         if beside.len() < 100 {
             return [1.0, 0.05];
         }
-        let quarter = |beside: &mut Vec<f64>, q| crate::dome::noise::quantile(beside, q);
+        let quarter = |beside: &mut Vec<f64>, q| mesophyll_capture::dome::noise::quantile(beside, q);
         let (low, middle, high) = (quarter(&mut beside, 0.25), quarter(&mut beside, 0.5), quarter(&mut beside, 0.75));
         // Half the distance of the quartiles is .674 standard deviations. Noise averages out over the many pixels; what
         // does not is a table that changed from place to place, at most a tenth of what is seen.

@@ -65,7 +65,7 @@ pub fn inspect(folder: &Path) -> Inspection {
             found.notes.push("open shade shows neither gloss nor normals: one is stated, the other stay flat".into());
         }
     }
-    if crate::truth_path(folder, Side::Front).exists() {
+    if mesophyll_capture::truth_path(folder, Side::Front).exists() {
         found.notes.push("synthetic: the folder holds the truth".into());
     }
     found.manifest = Some(manifest);

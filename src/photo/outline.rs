@@ -3,9 +3,9 @@
 
 use super::light::Light;
 use super::picture::Picture;
-use crate::dome::noise::quantile;
-use crate::lightbox::{mask_from_transmission, pieces};
 use crate::{Error, Result};
+use mesophyll_capture::dome::noise::quantile;
+use mesophyll_capture::lightbox::{mask_from_transmission, pieces};
 
 /// How much brighter than the sheet a pixel must be to count as something that lies on it.
 const BRIGHTER: f64 = 1.5;

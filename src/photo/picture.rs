@@ -108,7 +108,7 @@ fn exr(path: &Path) -> Result<(usize, usize, Vec<[f32; 3]>)> {
     let info = exr_info(path)?;
     too_large(path, info.width, info.height)?;
     let maps: Maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
-    Ok((maps.width, maps.height, crate::reader::interleave(&maps)))
+    Ok((maps.width, maps.height, mesophyll_capture::reader::interleave(&maps)))
 }
 
 fn integers(path: &Path, transfer: Transfer) -> Result<(usize, usize, Vec<[f32; 3]>)> {
