@@ -69,7 +69,8 @@ impl Lawn {
         let write =
             |name: &str, text: String| mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes());
         write("lawn.toml", meadow)?;
-        let lights = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 20000\n[sun]\nzenith_deg = 50\nazimuth_deg = 250\n\
+        let lights = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 20000\n[sun]\nzenith_deg = 50\nazimuth_deg = \
+                      250\n\
                       irradiance = [10, 9.6, 9]\n[sky]\nradiance = [0.7, 0.85, 1.1]\n";
         let view = "[[view]]\nname = \"lawn\"\nkind = \"perspective\"\neye_mm = [0, -900, 400]\ntarget_mm = [0, 0, 0]\n\
                     fov_deg = 20\n";
@@ -221,8 +222,8 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
                 error,
                 us,
                 note: format!(
-                    "FLIP 99 % against path-traced blades (their noise {noise:.2}); means of blocks are off by {:.0} %; {}x{} \
-                     pixels on {adapter}",
+                    "FLIP 99 % against path-traced blades (their noise {noise:.2}); means of blocks are off by {:.0} \
+                     %; {}x{} pixels on {adapter}",
                     100.0 * off,
                     SIZE[0],
                     SIZE[1]
@@ -332,8 +333,8 @@ fn repetition(renderer: &mut gpu::Renderer) -> Result<Vec<Row>> {
                 let green: Vec<f64> = picture.hdr.iter().map(|p| f64::from(p[1])).collect();
                 let at = |lag| repeats::autocorrelation(&green, side, lag);
                 told_of.push(format!(
-                    "{light}: a rectangle along x {:.2}, along y {:.2}, 14 slices along x {:.2}, largest at a multiple of \
-                     an eighth {:.2}",
+                    "{light}: a rectangle along x {:.2}, along y {:.2}, 14 slices along x {:.2}, largest at a multiple \
+                     of an eighth {:.2}",
                     at([PIXELS, 0]),
                     at([0, PIXELS]),
                     at([PIXELS * 14 / 16, 0]),

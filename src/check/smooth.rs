@@ -1,10 +1,11 @@
 //! Whether a film of the scene is smooth: no shortcut may make a part of it pop from one frame to the next.
 //!
-//! Leaves that move change a picture's pixels abruptly in any case, so the means of blocks are judged. The film is drawn
-//! as always, and again in full: without levels of detail, and with all leaves. What these shortcuts add to a block is
-//! the difference of both. They may change a displayed value by the scene's `tolerance`, so the second difference of
-//! that in time, e(t−1) − 2e(t) + e(t+1), may be four times as large. A leaf that is suddenly drawn in another way shows
-//! in it at once. What both films share is not judged by it: the samples at edges, and those of shadow maps.
+//! Leaves that move change a picture's pixels abruptly in any case, so the means of blocks are judged. The film is
+//! drawn as always, and again in full: without levels of detail, and with all leaves. What these shortcuts add to a
+//! block is the difference of both. They may change a displayed value by the scene's `tolerance`, so the second
+//! difference of that in time, e(t−1) − 2e(t) + e(t+1), may be four times as large. A leaf that is suddenly drawn in
+//! another way shows in it at once. What both films share is not judged by it: the samples at edges, and those of
+//! shadow maps.
 
 use crate::{blocks, told};
 use mesophyll_error::{Error, Result};
@@ -45,8 +46,8 @@ impl Smooth {
         let beyond = crate::report::exceeds(self.apart, self.allowed);
         beyond.then(|| {
             format!(
-                "frame {frame}: something pops in the block at column {column} and row {row}: shortcuts change its second difference by \
-                 {:.4}, at most {:.4} allowed",
+                "frame {frame}: something pops in the block at column {column} and row {row}: shortcuts change its \
+                 second difference by {:.4}, at most {:.4} allowed",
                 self.apart, self.allowed
             )
         })
@@ -55,8 +56,8 @@ impl Smooth {
     /// The figures in one line.
     pub fn line(&self) -> String {
         format!(
-            "film: {} frames, {} a second: second differences of blocks are {:.4} at most, {:.4} in full detail, {:.4} between both \
-             (allowed {:.4})",
+            "film: {} frames, {} a second: second differences of blocks are {:.4} at most, {:.4} in full detail, {:.4} \
+             between both (allowed {:.4})",
             self.frames, self.fps, self.drawn, self.in_full, self.apart, self.allowed
         )
     }
@@ -141,8 +142,8 @@ mod tests {
         (0..60).map(|t| (0..12).map(|b| [value(f64::from(t) / 30.0, f64::from(b)); 3]).collect()).collect()
     }
 
-    /// A film that only moves smoothly passes whatever a constant error it has. A leaf that flickers in one block of one
-    /// frame is found, and so is a level of detail that changes for good.
+    /// A film that only moves smoothly passes whatever a constant error it has. A leaf that flickers in one block of
+    /// one frame is found, and so is a level of detail that changes for good.
     #[test]
     fn what_pops_is_found_where_it_pops() {
         let smooth = |t: f64, b: f64| 0.4 + 0.2 * (4.0 * t + b).sin();

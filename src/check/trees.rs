@@ -1,6 +1,6 @@
-//! What the motion of a tree costs beside drawing it (H9 Table 4.3). The tree has the numbers of the dissertation's: 1,500
-//! branches of four levels, 10,000 leaves, and about 75,000 vertices. It is drawn at rest and in a wind, by turns on
-//! two renderers of one adapter, so that both have the same share of a busy machine.
+//! What the motion of a tree costs beside drawing it (H9 Table 4.3). The tree has the numbers of the dissertation's:
+//! 1,500 branches of four levels, 10,000 leaves, and about 75,000 vertices. It is drawn at rest and in a wind, by turns
+//! on two renderers of one adapter, so that both have the same share of a busy machine.
 //!
 //! As in the table, shadow maps are drawn for each frame, at rest too.
 
@@ -82,10 +82,11 @@ fn scene(way: &Way) -> Result<(viewer::Scene, viewer::Camera)> {
     } else {
         "[sky]\nradiance = [1, 1, 1]\n"
     };
-    let leaf = "[[leaf]]\nname = \"leaf\"\nmesh = \"leaf.gltf\"\nmesh_unit = \"mm\"\nuniform = { rho_d = [[0.06, 0.1, 0.03], [0.09, 0.14, 0.06]], rho_t = [0.05, 0.1, 0.02], \
-                rho_s = [0.03, 0.03, 0.03] }\n";
+    let leaf = "[[leaf]]\nname = \"leaf\"\nmesh = \"leaf.gltf\"\nmesh_unit = \"mm\"\nuniform = { rho_d = [[0.06, 0.1, \
+                0.03], [0.09, 0.14, 0.06]], rho_t = [0.05, 0.1, 0.02], rho_s = [0.03, 0.03, 0.03] }\n";
     let wind = format!("[wind]\nspeed_m_s = 6\nseed = 3\nsimplified = {}\n", way.simplified);
-    let view = "[[view]]\nname = \"tree\"\nkind = \"perspective\"\neye_mm = [-700, -8600, 1800]\ntarget_mm = [0, 0, 2500]\n\
+    let view = "[[view]]\nname = \"tree\"\nkind = \"perspective\"\neye_mm = [-700, -8600, 1800]\ntarget_mm = [0, 0, \
+                2500]\n\
                 fov_deg = 42\n";
     let plants: String = (0..way.trees).map(plant).collect();
     write(
@@ -202,8 +203,8 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             error,
             us: seen.moving,
             note: format!(
-                "{:.3} times a frame at rest ({:.3} in the dissertation), {:.3} times without the pose, which the CPU computes and \
-                 uploads in {:.1} ms; motion adds {:.1} ms in all ({ms} ms there, on another adapter)",
+                "{:.3} times a frame at rest ({:.3} in the dissertation), {:.3} times without the pose, which the CPU \
+                 computes and uploads in {:.1} ms; motion adds {:.1} ms in all ({ms} ms there, on another adapter)",
                 seen.moving / seen.still,
                 still / moving,
                 (seen.moving - seen.posing) / seen.still,

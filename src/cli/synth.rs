@@ -115,8 +115,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn slab(args: &Args, spec: &Spec) -> Result<Model> {
     match spec.truth(&args.spec, args.model)? {
         Model::Foliar => Err(Error::Usage(
-            "--acquisition dome, beams and photo spread light sideways by σa and σs, which the model foliar does not have; \
-             expected --acquisition tube, or --model exact with a specification that has [interior]"
+            "--acquisition dome, beams and photo spread light sideways by σa and σs, which the model foliar does not \
+             have; expected --acquisition tube, or --model exact with a specification that has [interior]"
                 .into(),
         )),
         model => Ok(model),

@@ -63,7 +63,8 @@ pub struct Lost {
 }
 
 impl Lost {
-    /// Of these coats; of UsdPreviewSurface without numbers, because its renderers differ. `unsaid` are sentences about what the target cannot hold at all.
+    /// Of these coats; of UsdPreviewSurface without numbers, because its renderers differ. `unsaid` are sentences about
+    /// what the target cannot hold at all.
     pub fn new(format: &str, coats: &[Coat], unsaid: &[String]) -> Lost {
         let mut lines = Vec::new();
         let leaves = coats.iter().map(|coat| {
@@ -78,8 +79,8 @@ impl Lost {
         lines.extend(unsaid.iter().map(|what| format!("left out: {what}")));
         let record = json!({
             "target": format,
-            "meaning": "rms: relative root mean square error of BRDF and BTDF over both hemispheres, weighted with both \
-                        cosines; albedo_error: theirs less ours for red, green and blue (docs/export.md)",
+            "meaning": "rms: relative root mean square error of BRDF and BTDF over both hemispheres, weighted with \
+                        both cosines; albedo_error: theirs less ours for red, green and blue (docs/export.md)",
             "surfaces": leaves,
             "left_out": unsaid,
         });

@@ -1,6 +1,7 @@
 //! A lawn on a hill. Blades stand upright on it, so that a hill is a shear: every point of the lawn is as far over its
-//! level ground as over the hill. Upright slices are crossed where they are crossed over level ground, at another height.
-//! So their crossings stay closed forms, on any height field; only the ground and the level slice are searched for.
+//! level ground as over the hill. Upright slices are crossed where they are crossed over level ground, at another
+//! height. So their crossings stay closed forms, on any height field; only the ground and the level slice are searched
+//! for.
 //!
 //! Limits: a slice is sheared along its length as the hill rises, and blades are not. The slices' light is that of a
 //! level lawn, and the sun's rays through the lawn are sheared by the slope of the place that they come from.

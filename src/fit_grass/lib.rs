@@ -6,8 +6,8 @@
 //! [`march`] follows a ray through the slices, and [`judge`] compares the result with the blades. Pictures hold
 //! opacity, reflectance, transmittance and normals, but no light. Lengths are in mm, and z is up.
 //!
-//! Limits: slices represent blades over level ground; [`hill`] lifts them onto a hill. Blades are Lambertian sheets without gloss. The ground hides the
-//! parts of blades that hang below it.
+//! Limits: slices represent blades over level ground; [`hill`] lifts them onto a hill. Blades are Lambertian sheets
+//! without gloss. The ground hides the parts of blades that hang below it.
 
 #![warn(missing_docs)]
 

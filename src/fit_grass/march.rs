@@ -88,9 +88,9 @@ pub fn unleant(v: DVec3, lean: DVec2) -> DVec3 {
     v - (lean * v.z).extend(0.0)
 }
 
-/// By how many [`SHIFTS`] of its sides a rectangle of an irregular lawn is moved. Its point at a share p of a side shows
-/// what the meadow has at p plus this. The rectangle around the origin is the first, and the count goes on without end
-/// in all directions. The hash is pcg2d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020).
+/// By how many [`SHIFTS`] of its sides a rectangle of an irregular lawn is moved. Its point at a share p of a side
+/// shows what the meadow has at p plus this. The rectangle around the origin is the first, and the count goes on
+/// without end in all directions. The hash is pcg2d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020).
 pub fn shifted(seed: u32, rectangle: [i64; 2]) -> [usize; 2] {
     const FACTOR: u32 = 1_664_525;
     let mut v = (UVec2::from(rectangle.map(|k| k as u32)).wrapping_add(UVec2::new(seed, 0)))
@@ -133,8 +133,8 @@ impl Slices {
         self.shares(d, d.z)
     }
 
-    /// The same for a unit vector `d` over ground that is not level. `falls` is how fast the ray's height over the ground
-    /// changes. The level slice lies as the ground does and is crossed so much more or less often.
+    /// The same for a unit vector `d` over ground that is not level. `falls` is how fast the ray's height over the
+    /// ground changes. The level slice lies as the ground does and is crossed so much more or less often.
     pub fn shares(&self, d: DVec3, falls: f64) -> [f64; 2] {
         if !self.weighted {
             return [1.0, 1.0];

@@ -174,8 +174,8 @@ impl Coder {
     fn in_bytes(&self, c: Coded) -> Coded {
         let weight = byte(most(c.gloss));
         let left = (1.0 - weight).max(1e-3);
-        // The least share that the transmission colour can fill. So a reader without the extension, which takes the base
-        // colour whole, shows the front too bright by as little as possible: 1/(1 − share).
+        // The least share that the transmission colour can fill. So a reader without the extension, which takes the
+        // base colour whole, shows the front too bright by as little as possible: 1/(1 − share).
         let least = (most(c.through) / left * 255.0).ceil() / 255.0;
         let share = if least > 0.0 { least.min(254.0 / 255.0) } else { 0.0 };
         Coded {

@@ -24,8 +24,8 @@ pub struct Grass {
     pub position_mm: [f64; 2],
     /// How many rectangles are laid along x and along y.
     pub tiles: [usize; 2],
-    /// The seed of an irregular lawn: every rectangle shows the meadow moved by a random number of eighths of its sides,
-    /// so that nothing repeats. All rectangles are alike when absent.
+    /// The seed of an irregular lawn: every rectangle shows the meadow moved by a random number of eighths of its
+    /// sides, so that nothing repeats. All rectangles are alike when absent.
     pub irregular_seed: Option<u32>,
     /// The largest number of slices that a ray crosses. What it has gathered by then represents the rest.
     #[serde(default = "steps")]

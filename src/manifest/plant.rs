@@ -108,8 +108,8 @@ pub struct Plant {
     /// Mass of a blade for each unit of its area.
     #[serde(default = "blade")]
     pub leaf_kg_m2: f64,
-    /// How its leaves flutter. When absent, they keep still on their branches. It is refused in a wind that moves none of
-    /// the branches.
+    /// How its leaves flutter. When absent, they keep still on their branches. It is refused in a wind that moves none
+    /// of the branches.
     pub flutter: Option<Flutter>,
     /// What the scene states about single branches or levels, instead of the file.
     #[serde(default, rename = "branch")]

@@ -113,8 +113,8 @@ pub struct Check {
     pub samples: u32,
     /// Frames that are timed for each view.
     pub frames: u32,
-    /// Seconds of the film in the first view that shows whether anything pops; 0 for none. The film begins at the view's
-    /// time.
+    /// Seconds of the film in the first view that shows whether anything pops; 0 for none. The film begins at the
+    /// view's time.
     pub seconds: f64,
     /// Frames of that film for each second.
     pub fps: f64,

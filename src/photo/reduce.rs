@@ -1,12 +1,12 @@
-//! Reduces photographs to maps: ρd of both sides and ρt, texel by texel on the front's picture, with standard errors and
-//! named defects. Lengths in mm, reflectances 0 … 1.
+//! Reduces photographs to maps: ρd of both sides and ρt, texel by texel on the front's picture, with standard errors
+//! and named defects. Lengths in mm, reflectances 0 … 1.
 //!
 //! - Reflectance of a side: card's reflectance · (picture/light)/(card/light), where the light over the picture is seen
 //!   on the black sheet ([`super::light`]). What the surface mirrors and what the sheet sends back through the leaf are
 //!   subtracted.
-//! - Transmittance: (leaf on the table)/(bare table), set to 1 beside the leaf. Light that the leaf throws back onto the
-//!   table returns and makes the table behind the leaf brighter by 1/(1 − r ρ), with r the table's reflectance and ρ that
-//!   of the leaf's underside; the ratio is divided by it.
+//! - Transmittance: (leaf on the table)/(bare table), set to 1 beside the leaf. Light that the leaf throws back onto
+//!   the table returns and makes the table behind the leaf brighter by 1/(1 − r ρ), with r the table's reflectance and
+//!   ρ that of the leaf's underside; the ratio is divided by it.
 //! - One grid: whole pixels of the front's picture. The other pictures are sampled where their outlines put each place.
 
 use super::grid::{Grid, grid};
@@ -224,8 +224,8 @@ fn judge(path: &Path, first: Mask, second: Mask, found: &Match, mirrored: bool, 
     if other > found.overlap + TURNED {
         let [fits, turned] = [100.0 * found.overlap, 100.0 * other];
         let what = format!(
-            "the leaf lies the wrong way up ({fits:.1} % overlap with the front's outline, {turned:.1} % if it is turned \
-             over); expected it {way}"
+            "the leaf lies the wrong way up ({fits:.1} % overlap with the front's outline, {turned:.1} % if it is \
+             turned over); expected it {way}"
         );
         return Err(Error::input(path, what));
     }

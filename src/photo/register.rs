@@ -2,8 +2,8 @@
 //! a mirror image. A leaf that was turned over is the mirror image of itself.
 //!
 //! Both masks become images of how much of a block is leaf. The start comes from the areas, the centres, and eight
-//! turns; Gauss–Newton steps then minimise the sum of squared differences (Lucas & Kanade 1981), first on coarse and then
-//! on fine blocks.
+//! turns; Gauss–Newton steps then minimise the sum of squared differences (Lucas & Kanade 1981), first on coarse and
+//! then on fine blocks.
 
 use nalgebra::{SMatrix, SVector};
 

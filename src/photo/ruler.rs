@@ -92,8 +92,8 @@ pub fn scale(picture: &Picture, ruler: &Ruler) -> Scale {
 mod tests {
     use super::*;
 
-    /// Ticks 7.31 pixels apart along a slanted line, under noise. The marks are clicked up to a pixel and a half off; the
-    /// ticks give the scale to the printed accuracy. Without ticks the marks give it, at their own error.
+    /// Ticks 7.31 pixels apart along a slanted line, under noise. The marks are clicked up to a pixel and a half off;
+    /// the ticks give the scale to the printed accuracy. Without ticks the marks give it, at their own error.
     #[test]
     fn ticks_refine_what_the_marks_say() {
         let (width, height) = (420, 60);

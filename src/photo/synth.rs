@@ -1,10 +1,11 @@
 //! Synthesis of photographs of a leaf from a specification: both sides on a black sheet in open shade, with a grey card
 //! and a ruler, and the leaf on a light table. The leaf is the blade that a dome would photograph
-//! ([`mesophyll_capture::dome::synth`]), with light that travels sideways through it and slopes that see less of the sky.
+//! ([`mesophyll_capture::dome::synth`]), with light that travels sideways through it and slopes that see less of the
+//! sky.
 //!
 //! The plane of the sheet is measured in pixels of the front's picture, so that the truth has its texels. The camera is
-//! moved for every other picture: turned, shifted and raised. What a capture states (card, sheet, table, thickness, marks)
-//! differs from the truth by errors of the stated size.
+//! moved for every other picture: turned, shifted and raised. What a capture states (card, sheet, table, thickness,
+//! marks) differs from the truth by errors of the stated size.
 
 use super::manifest::{Gloss, Manifest, Ruler, Shade, Stated, Table, Transfer};
 use crate::{Error, Result};

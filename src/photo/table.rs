@@ -20,8 +20,8 @@ pub(super) struct OnTable {
 /// Finds the leaf on the light table.
 ///
 /// # Errors
-/// [`Error::Input`] where both pictures differ in size, the table is clipped, or beside the leaf it is far from as bright
-/// as when it was bare.
+/// [`Error::Input`] where both pictures differ in size, the table is clipped, or beside the leaf it is far from as
+/// bright as when it was bare.
 pub(super) fn on_light_table(picture: &Picture, bare: &Picture) -> Result<OnTable> {
     let (w, h) = (picture.width, picture.height);
     if (bare.width, bare.height) != (w, h) {

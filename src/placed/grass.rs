@@ -79,8 +79,8 @@ fn lean(manifest: &Manifest, lawns: &mut [Grass], ledger: &Ledger) -> Result<()>
         let farthest = lean_per_m_s * gusts.strongest();
         if farthest > 1.0 {
             let told = format!(
-                "found {lean_per_m_s}, with which tips go by {farthest:.2} of their height in strong gusts; expected at most \
-                 1"
+                "found {lean_per_m_s}, with which tips go by {farthest:.2} of their height in strong gusts; expected \
+                 at most 1"
             );
             return Err(field(manifest, config, "lean_per_m_s", told));
         }
@@ -123,8 +123,8 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
     let farthest = reach(0).max(reach(1));
     if farthest > FARTHEST {
         let told = format!(
-            "found {:?} rectangles of {} x {} mm, with which the lawn reaches {farthest:.0} mm from the origin; expected \
-             at most {FARTHEST:.0} mm",
+            "found {:?} rectangles of {} x {} mm, with which the lawn reaches {farthest:.0} mm from the origin; \
+             expected at most {FARTHEST:.0} mm",
             config.tiles, period[0], period[1]
         );
         return Err(field(manifest, config, "tiles", told));
@@ -225,8 +225,8 @@ impl Grass {
         self.leaning.is_some() || self.hill.is_some()
     }
 
-    /// Where a blade stands in the rectangle number `k` of [`Grass::places`], relative to the rectangle's middle. A hill
-    /// lifts it, upright as it is, by its height at the blade's first point, which is at its foot.
+    /// Where a blade stands in the rectangle number `k` of [`Grass::places`], relative to the rectangle's middle. A
+    /// hill lifts it, upright as it is, by its height at the blade's first point, which is at its foot.
     pub fn place_in(&self, leaf: &Leaf, k: usize) -> DMat4 {
         let mut place = leaf.transform;
         if self.irregular.is_some() {

@@ -221,8 +221,8 @@ const FINE: i32 = 16;
 const RADII: i32 = 4;
 
 /// The ground with a hill, from −`reach` to `reach`. A cell is a sixteenth of the radius where the hill is, so that
-/// the mesh is lower than the hill by 1/1024 of its height at most, and higher by 1/2300. Beyond four radii, where a three-thousandth of the
-/// height is left, cells end at the rim.
+/// the mesh is lower than the hill by 1/1024 of its height at most, and higher by 1/2300. Beyond four radii, where a
+/// three-thousandth of the height is left, cells end at the rim.
 fn hilly(hill: &Hill, reach: f64) -> LeafMesh {
     let nodes = |middle: f64| -> Vec<f64> {
         let fine = (-FINE * RADII..=FINE * RADII).map(|k| middle + hill.radius * f64::from(k) / f64::from(FINE));

@@ -57,8 +57,8 @@ pub struct Planted {
 /// Reads or grows every plant.
 ///
 /// # Errors
-/// [`Error::Input`] for a file, a description or a fit of a branch that cannot be read, a material that the scene does not map, a mapped
-/// material that the plant lacks, or too many leaves.
+/// [`Error::Input`] for a file, a description or a fit of a branch that cannot be read, a material that the scene does
+/// not map, a mapped material that the plant lacks, or too many leaves.
 pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
     let mut out: Vec<Planted> = Vec::new();
     let mut total = 0;

@@ -131,8 +131,8 @@ impl Forest {
         self.shapes[shape].triangles[triangle].map(DVec3::from)
     }
 
-    /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it; with `ANY` also until a solid triangle
-    /// is met for sure with t < limit.
+    /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it; with `ANY` also until a solid
+    /// triangle is met for sure with t < limit.
     fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
         let forest = self;
         dispatch!(self.instructions, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: &mut F) -> bool)

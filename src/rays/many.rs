@@ -2,9 +2,9 @@
 //! memory while the others are computed.
 //!
 //! A ray makes the same steps as alone ([`crate::walk`], [`crate::forest`]); only when it makes them is different, and
-//! the answers are the same, bit by bit. It pays where rays differ and a forest is larger than a core's own cache; smaller
-//! forests are met by one ray after the other. Rays that follow each other closely, as a camera's do, find what they need
-//! in the cache, and are faster one by one.
+//! the answers are the same, bit by bit. It pays where rays differ and a forest is larger than a core's own cache;
+//! smaller forests are met by one ray after the other. Rays that follow each other closely, as a camera's do, find what
+//! they need in the cache, and are faster one by one.
 
 use crate::arena::{LEAF, Line, Tree};
 use crate::forest::{Accept, First, Forest, Hit};

@@ -63,8 +63,8 @@ impl Shape {
     }
 
     /// The hits with 0 < t ≤ limit in a ray of the shape's own space, in any order: `found` may lower the limit, and
-    /// ends the search by returning true. Nothing is met before `from`. Where `ANY` is set the search also ends, without
-    /// a word, at a solid triangle that is met for sure with t < limit.
+    /// ends the search by returning true. Nothing is met before `from`. Where `ANY` is set the search also ends,
+    /// without a word, at a solid triangle that is met for sure with t < limit.
     #[inline(always)]
     pub(crate) fn meet<L: Lanes, const ANY: bool, F: Found>(
         &self,

@@ -237,9 +237,9 @@ fn walk_with<L: Lanes, const ANY: bool, V: Visit<L>>(
     }
 }
 
-/// The nearest of a node's children that the ray meets before s, if any; the others wait, nearer ones on top. With `ANY`
-/// they come as they lie: whatever is met ends the search, and their order costs more than it saves. `AHEAD` asks the
-/// memory for all of them where there are several.
+/// The nearest of a node's children that the ray meets before s, if any; the others wait, nearer ones on top. With
+/// `ANY` they come as they lie: whatever is met ends the search, and their order costs more than it saves. `AHEAD` asks
+/// the memory for all of them where there are several.
 #[inline(always)]
 pub(crate) fn descend<L: Lanes, const AHEAD: bool, const ANY: bool>(
     tree: &Tree,

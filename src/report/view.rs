@@ -39,8 +39,8 @@ pub const RULE: &str = "A value is called determined when its standard error is 
                         do not rely on more of it than its error or its bound allows.";
 
 /// The explanation of the caliper's share of an error, shown where a table has one.
-pub(crate) const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the \
- caliper's error moves them and every thickness \
+pub(crate) const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: \
+ the caliper's error moves them and every thickness \
                            of the leaf together, by the same share. Its part and the fit's own part are given beside \
                            the whole error (they add as squares). γ, ρd, \
                            ρt, ρs and m do not depend on the caliper.";

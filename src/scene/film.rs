@@ -234,8 +234,8 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
         Some(there) if Film { frames: film.frames, ..there.clone() } == *film => {}
         Some(there) if has_frames(&options.out) => {
             return Err(Error::Usage(format!(
-                "{}: holds {} frames of another film (view {}, from {} s, {} a second, {}×{} pixels) or of a scene, fit \
-                 or adapter that has changed since; name another folder, or give --force to draw anew",
+                "{}: holds {} frames of another film (view {}, from {} s, {} a second, {}×{} pixels) or of a scene, \
+                 fit or adapter that has changed since; name another folder, or give --force to draw anew",
                 options.out.display(),
                 there.frames,
                 there.view,

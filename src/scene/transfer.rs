@@ -59,8 +59,8 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     }
 }
 
-/// For each instance, whether a view shows it. An instance is not shown if it lies outside of every picture, or if other
-/// things hide it in all of them. Wood and ground, which come after the leaves, count as shown.
+/// For each instance, whether a view shows it. An instance is not shown if it lies outside of every picture, or if
+/// other things hide it in all of them. Wood and ground, which come after the leaves, count as shown.
 fn shown(scene: &Scene, world: &World, ledger: &Ledger) -> Result<Vec<bool>> {
     let Scene { manifest, placed, .. } = scene;
     if !views_decide(manifest, placed) {

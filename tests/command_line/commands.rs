@@ -8,8 +8,8 @@ use crate::common;
 use std::path::Path;
 use std::process::Command;
 
-const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/leaves/tissue.rs fits \
- photographs of its own";
+const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/leaves/tissue.rs \
+ fits photographs of its own";
 
 const TRACED: &str = "slices are made and blades are traced without optimisation: a minute a view";
 
@@ -81,8 +81,8 @@ const SMALLER: [(&str, &str); 13] = [
     ("data/canopies/directions.csv", "data/canopies/directions.csv --samples 2048"),
 ];
 
-/// Scenes that are made smaller for the test: the file, its words, and the words that replace them. A limit of the first
-/// scene's check holds for each pixel, so it is as strict in a quarter of the pixels.
+/// Scenes that are made smaller for the test: the file, its words, and the words that replace them. A limit of the
+/// first scene's check holds for each pixel, so it is as strict in a quarter of the pixels.
 const SMALLER_SCENES: [(&str, &str, &str); 2] = [
     ("data/foliar/autumn.toml", "width = 600\nheight = 220", "width = 300\nheight = 110"),
     ("data/scenes/between.toml", "dense-twig.glb", "two-species.glb"),

@@ -227,7 +227,8 @@ fn a_fits_folder_is_one_threads_until_the_fit_has_ended() {
         let parts = maker.parts("none").to_path_buf();
         write_bytes(&parts.join("a"), b"a part")?;
         maker.begin()?;
-        // Of the claims that are refused none frees the folder, nor does the record that is written before the parts go.
+        // Of the claims that are refused none frees the folder, nor does the record that is written before the parts
+        // go.
         for finished in [false, false, true, true] {
             if finished {
                 let record = maker.record("one");

@@ -1,4 +1,5 @@
-//! The command line as a user meets it: usage, bad tables, bad places, messages, Ctrl-C, and that nothing is overwritten.
+//! The command line as a user meets it: usage, bad tables, bad places, messages, Ctrl-C, and that nothing is
+//! overwritten.
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 

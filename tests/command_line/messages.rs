@@ -51,8 +51,8 @@ fn long_work_says_every_ten_seconds_how_far_it_is() {
     };
     let mut quiet = synth(&mut mesophyll(), "quiet");
     let (loud, start) = (synth(&mut loud(), "loud"), Instant::now());
-    // From the first frames on, both stand still until the ninth second, so that the machine is free for other work. The
-    // time of their lines goes on.
+    // From the first frames on, both stand still until the ninth second, so that the machine is free for other work.
+    // The time of their lines goes on.
     let begun = |name: &str| dir.path().join(name).join("front/x/0001.exr").exists();
     while !(begun("quiet") && begun("loud")) && start.elapsed() < Duration::from_secs(9) {
         std::thread::sleep(Duration::from_millis(5));

@@ -51,11 +51,11 @@ fn rows(folder: &Path, file: &str, change: impl Fn(&mut [f32])) {
     write_exr(&folder.join(file), &maps, Packing::Raw).unwrap();
 }
 
-/// The pixels of this small picture are half a millimetre wide, and the finest veins are not. So the maps have texels of
-/// four pixels, where the blur of sampling is small beside noise.
+/// The pixels of this small picture are half a millimetre wide, and the finest veins are not. So the maps have texels
+/// of four pixels, where the blur of sampling is small beside noise.
 ///
-/// The truth lies within the stated errors: σa and σs of both sides, and the maps of ρd and ρt. What no photograph shows
-/// is said by name, and the folder is a leaf fit that the report and the exports take.
+/// The truth lies within the stated errors: σa and σs of both sides, and the maps of ρd and ρt. What no photograph
+/// shows is said by name, and the folder is a leaf fit that the report and the exports take.
 #[test]
 fn a_photographed_leaf_is_found_within_its_errors() {
     let (dir, folder) = made();
@@ -81,8 +81,8 @@ fn a_photographed_leaf_is_found_within_its_errors() {
         for name in ["rho_d", "rho_t"] {
             let truth = section.truth[name];
             println!("{} {name}: {truth:?}", side.name());
-            // The front was up on the table. Light that crosses the leaf the other way spreads a little differently, so the
-            // back's ρt is not what was photographed.
+            // The front was up on the table. Light that crosses the leaf the other way spreads a little differently, so
+            // the back's ρt is not what was photographed.
             if (name, side) != ("rho_t", Side::Back) {
                 assert!(truth.coverage95.unwrap() > 0.9, "{} {name}: {truth:?}", side.name());
             }
@@ -111,9 +111,9 @@ fn a_photographed_leaf_is_found_within_its_errors() {
     refused(&run(["fit", "leaf", text(folder), "-o", text(&out), "--gloss", "1.4,0.3"]), 2, &["[gloss]"]);
 }
 
-/// What the photographs of open shade and of the table measure is the slab's ρd and ρt: light from the whole hemisphere,
-/// added up direction by direction, that is scattered once towards a camera along the normal. With an albedo of 1e-3 a
-/// second scattering adds at most that share.
+/// What the photographs of open shade and of the table measure is the slab's ρd and ρt: light from the whole
+/// hemisphere, added up direction by direction, that is scattered once towards a camera along the normal. With an
+/// albedo of 1e-3 a second scattering adds at most that share.
 #[test]
 fn a_camera_over_open_shade_sees_the_slab() {
     const STEPS: usize = 20_000;

@@ -216,7 +216,8 @@ print(json.dumps([good, why, len(document.getMaterialNodes())]))";
     assert_eq!(said, json!([true, "", 1]));
 }
 
-/// OpenUSD's own reader sees the mesh at its place with its colours, the camera's field of view and the sun's direction.
+/// OpenUSD's own reader sees the mesh at its place with its colours, the camera's field of view and the sun's
+/// direction.
 #[test]
 fn usd_shows_the_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -244,8 +245,8 @@ print(json.dumps([[list(p) for p in world], surface.GetShaderId(), len(surface.G
     assert!((said[4].as_f64().unwrap() - 30.0).abs() < 1e-3 && said[5] == json!(0.001), "{said}");
 }
 
-/// Blender builds the scene: its nodes, sun and camera. (Its pictures take too long for a test; `docs/export.md` has the
-/// figures.)
+/// Blender builds the scene: its nodes, sun and camera. (Its pictures take too long for a test; `docs/export.md` has
+/// the figures.)
 #[test]
 fn blender_builds_the_scene() {
     let folder = tempfile::tempdir().unwrap();

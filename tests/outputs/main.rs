@@ -3,6 +3,7 @@
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 
 mod assembled;
+mod canopy;
 #[path = "../common/mod.rs"]
 mod common;
 mod export;

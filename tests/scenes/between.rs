@@ -14,9 +14,10 @@ use std::process::Output;
 fn crowd(dir: &Path, [rho_d, rho_t]: [f64; 2], count: usize, rest: &str) -> PathBuf {
     Blade::default().write(&dir.join("fits/elm"), "elm");
     let mut text = format!(
-        "schema = 1\nname = \"crowd\"\ntolerance = 0.004\nbackground = [0.5, 0.5, 0.5]\n[[leaf]]\nname = \"elm\"\nmesh = \
-         \"fits/elm/blade.glb\"\nuniform = {{ rho_d = [[{rho_d}, {rho_d}, {rho_d}], [{rho_d}, {rho_d}, {rho_d}]], rho_t = \
-         [{rho_t}, {rho_t}, {rho_t}] }}\n"
+        "schema = 1\nname = \"crowd\"\ntolerance = 0.004\nbackground = [0.5, 0.5, 0.5]\n[[leaf]]\nname = \"elm\"\nmesh \
+         = \
+         \"fits/elm/blade.glb\"\nuniform = {{ rho_d = [[{rho_d}, {rho_d}, {rho_d}], [{rho_d}, {rho_d}, {rho_d}]], \
+         rho_t = [{rho_t}, {rho_t}, {rho_t}] }}\n"
     );
     for k in 0..count {
         let f = k as f64;
@@ -25,7 +26,8 @@ fn crowd(dir: &Path, [rho_d, rho_t]: [f64; 2], count: usize, rest: &str) -> Path
         text += &format!("[[instance]]\nleaf = \"elm\"\nposition_mm = {at:?}\nrotation_deg = {turn:?}\n");
     }
     text += rest;
-    text += "[[view]]\nname = \"side\"\nkind = \"perspective\"\neye_mm = [20, -120, 40]\ntarget_mm = [0, 0, 0]\nfov_deg = \
+    text += "[[view]]\nname = \"side\"\nkind = \"perspective\"\neye_mm = [20, -120, 40]\ntarget_mm = [0, 0, \
+             0]\nfov_deg = \
              35\nflip_p99 = 0.05\nmax_error = 0.012\n[check]\nwidth = 96\nheight = 72\nsamples = 16\nframes = 1\n";
     let path = dir.join("crowd.toml");
     std::fs::write(&path, text).unwrap();
@@ -266,7 +268,8 @@ fn a_transfer_that_is_there_is_not_refused() {
     let count = there / (64 * 64 * 6 * 49 * 64) + 8;
     // One leaf stands far beside the picture and is not counted.
     let rest = format!(
-        "{}[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[transfer]\nanchors = [64, 64]\nbands = 7\n[sky]\n\
+        "{}[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[transfer]\nanchors = [64, 64]\nbands = \
+         7\n[sky]\n\
          radiance = [1, 1, 1]\n",
         many(dir.path(), count)
     );

@@ -1,5 +1,5 @@
-//! Loads of branches, and wind, in a scene: what the plan requests, and where the GPU's vertex stage puts things, compared with
-//! the library in f64.
+//! Loads of branches, and wind, in a scene: what the plan requests, and where the GPU's vertex stage puts things,
+//! compared with the library in f64.
 #![cfg(feature = "render")]
 
 use crate::blade;

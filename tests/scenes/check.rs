@@ -163,8 +163,10 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
         .write(&dir.path().join("fits/oak"), "oak");
     let fit = dir.path().join("fits/elm");
     copy(&kept, &fit);
-    let sprig = "schema = 1\nname = \"sprig\"\nseed = 5\nheight_mm = 60\n[crown]\nbase = 0.0\nradius_mm = 60\nprofile = \
-                 [[0, 1.0], [1.0, 1.0]]\n[wood]\ntwig_radius_mm = 1\npipe_exponent = 2\n[[level]]\ncount = 1\nsides = 6\n\
+    let sprig = "schema = 1\nname = \"sprig\"\nseed = 5\nheight_mm = 60\n[crown]\nbase = 0.0\nradius_mm = 60\nprofile \
+                 = \
+                 [[0, 1.0], [1.0, 1.0]]\n[wood]\ntwig_radius_mm = 1\npipe_exponent = 2\n[[level]]\ncount = 1\nsides = \
+                 6\n\
                  rings = 2\n[leaves]\ncount = 3\nangle_deg = 70\ndroop_deg = 25\nspread_deg = 14\nlength_mm = 52\n\
                  width_mm = 30\npetiole_mm = 2\n";
     std::fs::write(dir.path().join("sprig.toml"), sprig).unwrap();

@@ -137,8 +137,8 @@ fn a_film_knows_the_slices_of_its_lawn() {
         fit_grass::run(&folder.path().join("meadow.toml"), &folder.path().join("slices"), &options).unwrap();
     };
     fit(2);
-    let lawn = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\nfit = \"slices\"\ntiles = [2, 2]\n[ground]\nalbedo \
-                = [0, 0, 0]\nreach_mm = 1000\n";
+    let lawn = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\nfit = \"slices\"\ntiles = [2, \
+                2]\n[ground]\nalbedo = [0, 0, 0]\nreach_mm = 1000\n";
     scene(folder.path(), &format!("{WIND}{lawn}"));
     let draw = || film(folder.path(), &["--to", "0.1", "--fps", "10", "--size", "8x8"]);
     assert_eq!(draw().0, Some(0));

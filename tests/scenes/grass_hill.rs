@@ -30,8 +30,8 @@ fn the_slope_of_a_hill() {
     assert!((hill.slope(DVec2::new(170.0, -10.0)).length() - hill.steepest()).abs() < 1e-12);
 }
 
-/// Cameras from above, down a slope, over the ridge, where rays leave the lawn and come into it again far behind, and up
-/// to the ridge, behind which is nothing. Pixels are smaller than texels.
+/// Cameras from above, down a slope, over the ridge, where rays leave the lawn and come into it again far behind, and
+/// up to the ridge, behind which is nothing. Pixels are smaller than texels.
 #[test]
 fn a_lawn_on_a_hill_is_its_twin() {
     let Some(mut renderer) = renderer() else { return };

@@ -1,5 +1,5 @@
-//! A lawn for the tests of the grass pass: its scene file, cameras that look at it, and the radiance along every pixel's
-//! ray in double precision.
+//! A lawn for the tests of the grass pass: its scene file, cameras that look at it, and the radiance along every
+//! pixel's ray in double precision.
 
 use crate::skips::{self, Need};
 use glam::{DVec2, DVec3, Vec3};

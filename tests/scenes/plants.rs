@@ -5,8 +5,10 @@ use mesophyll::placed::ledger::Ledger;
 use mesophyll::placed::plant::{Planted, planted};
 use std::path::{Path, PathBuf};
 
-const HEAD: &str = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], \
- rho_t = [0.1, 0.2, 0.1] }\nmesh = \"leaf.glb\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \"perspective\"\n\
+const HEAD: &str = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, \
+ 0.2, 0.1]], \
+ rho_t = [0.1, 0.2, 0.1] }\nmesh = \"leaf.glb\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \
+ \"perspective\"\n\
  eye_mm = [0, -900, 100]\ntarget_mm = [0, 0, 100]\nfov_deg = 30\n";
 pub const BARK: &str = "materials = { leaf = \"elm\", bark = [0.1, 0.1, 0.1] }\n";
 

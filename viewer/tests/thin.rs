@@ -75,8 +75,8 @@ fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
         let scatter = 0.58 / (2.0 * leaves).sqrt();
         let off = [0, 1].map(|c| thin[c] / full[c] - 1.0);
         println!(
-            "{:3} m: {leaves} leaves, radiance {:+.1} %, coverage {:+.1} % (chance {:.1} %), {ms:.1} ms of {whole_ms:.1} \
-             in one draw a hundredth",
+            "{:3} m: {leaves} leaves, radiance {:+.1} %, coverage {:+.1} % (chance {:.1} %), {ms:.1} ms of \
+             {whole_ms:.1} in one draw a hundredth",
             distance / 1e3,
             100.0 * off[0],
             100.0 * off[1],

@@ -122,9 +122,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     batch::say_tally(&tally, &args.io, common, "leaf")?;
     if !stated {
         progress::say(
-            "no noise is stated: the error cells are empty, and ok says only that the leaf could be fitted, not how sure \
-             its numbers are; state the standard error of R and T by --noise S or by columns such as R450_err, or exact \
-             input by --noise 0",
+            "no noise is stated: the error cells are empty, and ok says only that the leaf could be fitted, not how \
+             sure \
+             its numbers are; state the standard error of R and T by --noise S or by columns such as R450_err, or \
+             exact input by --noise 0",
         );
     }
     Ok(0)
@@ -172,8 +173,8 @@ fn wide(
 ) -> Result<(Tally, bool)> {
     let columns: Vec<Column> = table.header.iter().filter_map(|name| column(name)).collect();
     if columns.is_empty() {
-        let what = "no columns of readings; expected R and T with a wavelength in nm, such as R450, T450, or spectra in \
-                    long form: leaf, wavelength_nm, R, T";
+        let what = "no columns of readings; expected R and T with a wavelength in nm, such as R450, T450, or spectra \
+                    in long form: leaf, wavelength_nm, R, T";
         return Err(Error::input(table.name(), what));
     }
     // One light for each wavelength and side, so that R and T of one light share what is computed.

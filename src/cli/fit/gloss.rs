@@ -19,8 +19,8 @@ pub struct Args {
     /// The device (TOML); the input has a trace a row: r0 … r{n-1}, optionally g0 …, b0 …
     #[arg(long, value_name = "GEOMETRY.toml", required_unless_present = "samples", conflicts_with = "samples")]
     geometry: Option<PathBuf>,
-    /// The input holds goniometer samples: leaf, source_zenith_deg, view_zenith_deg, view_azimuth_deg and value columns;
-    /// or it is a file of a public database, MERL (.binary) or RGL (.bsdf)
+    /// The input holds goniometer samples: leaf, source_zenith_deg, view_zenith_deg, view_azimuth_deg and value
+    /// columns; or it is a file of a public database, MERL (.binary) or RGL (.bsdf)
     #[arg(long)]
     samples: bool,
     /// With --samples: columns of reflectance factors, by comma (default: those whose names begin with brf)

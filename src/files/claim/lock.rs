@@ -1,7 +1,7 @@
 //! Locks of output folders: two runs never write one folder at once, nor do two threads of one program.
 //!
-//! The lock is the operating system's own, on the folder itself: it leaves no file, and it ends with the program, however
-//! that ends. Where folders cannot be locked (on Windows, on some network file systems), nothing is refused.
+//! The lock is the operating system's own, on the folder itself: it leaves no file, and it ends with the program,
+//! however that ends. Where folders cannot be locked (on Windows, on some network file systems), nothing is refused.
 
 use super::resolved;
 use crate::atomic::same;

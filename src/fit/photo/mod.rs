@@ -1,6 +1,6 @@
-//! The leaf fit of photographs (`docs/photo.md`): from ρd of both sides and ρt to σa, σs, each texel's thickness and γ, by
-//! the same leaf-wide problem as a scan under a tube. It writes the same folder, so that the report, scenes and exports
-//! work on either.
+//! The leaf fit of photographs (`docs/photo.md`): from ρd of both sides and ρt to σa, σs, each texel's thickness and γ,
+//! by the same leaf-wide problem as a scan under a tube. It writes the same folder, so that the report, scenes and
+//! exports work on either.
 //!
 //! What no photograph shows is stated (thickness, gloss) or left open (normals), and `fit.toml` says so by name.
 
@@ -55,8 +55,8 @@ pub struct Fitted {
 /// Fits the capture into the folder `out`; `force` fits again although the folder holds this very fit.
 ///
 /// # Errors
-/// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2), a fit that
-/// does not converge on any side (1).
+/// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2), a fit
+/// that does not converge on any side (1).
 pub fn run(capture: &Path, out: &Path, force: bool) -> Result<Outcome> {
     let folder = capture.to_path_buf();
     maker::make(FitKind::Leaf, out, &[capture], move |maker| fit(&folder, force, maker))

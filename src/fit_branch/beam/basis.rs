@@ -299,8 +299,8 @@ mod tests {
         }
     }
 
-    /// Without a step of Newton's method, a point lies on the bent curve at the place along it that H9 Eq. 4.11 gives. The
-    /// lengths of the simplified motion are kept as well as `docs/plants.md` says. They are summed over a polygon.
+    /// Without a step of Newton's method, a point lies on the bent curve at the place along it that H9 Eq. 4.11 gives.
+    /// The lengths of the simplified motion are kept as well as `docs/plants.md` says. They are summed over a polygon.
     #[test]
     fn the_closed_form_keeps_lengths_of_small_bends() {
         for (tip, allowed) in [(0.1, 0.006), (0.5, 0.07)] {

@@ -146,8 +146,8 @@ impl Limb {
         limb
     }
 
-    /// Deflection of the tip over the length, for an amplitude of 1, of the straight beam that the branch bends as. Poses
-    /// limit it ([`FREELY`]).
+    /// Deflection of the tip over the length, for an amplitude of 1, of the straight beam that the branch bends as.
+    /// Poses limit it ([`FREELY`]).
     pub fn beam_tip(&self) -> f64 {
         self.shape.tip()
     }

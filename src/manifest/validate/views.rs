@@ -56,8 +56,8 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
         if side < 2 || w.min(h) / side < FEWEST_BLOCKS {
             let [columns, rows] = [w, h].map(|n| n / side.max(1));
             let told = format!(
-                "found {side}, with which {w} x {h} pixels have {columns} x {rows} blocks; expected 2 pixels or more, and \
-                 {FEWEST_BLOCKS} x {FEWEST_BLOCKS} blocks or more"
+                "found {side}, with which {w} x {h} pixels have {columns} x {rows} blocks; expected 2 pixels or more, \
+                 and {FEWEST_BLOCKS} x {FEWEST_BLOCKS} blocks or more"
             );
             return Err(p.error(HEADER, i, "blocks", told));
         }

@@ -130,7 +130,8 @@ mod tests {
         }
         let scene = folder.path().join("s.toml");
         let text = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"leaf\"\nscan = { spec = \"leaves/soybean.toml\" }\n\
-             [[instance]]\nleaf = \"leaf\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \"perspective\"\n\
+             [[instance]]\nleaf = \"leaf\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \
+             \"perspective\"\n\
              eye_mm = [0, 0, 300]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 20\n";
         std::fs::write(&scene, text).unwrap();
         let manifest = Manifest::read(&scene).unwrap();

@@ -81,8 +81,9 @@ impl Winds {
     /// How the plants move; `None` where none does.
     ///
     /// # Errors
-    /// [`Error::Input`] where a stated load bends a branch too far, where a sway or a flutter has no spectrum, where leaves should flutter on branches that do not
-    /// sway, and for too many textures, cross-sections or vertices of bark.
+    /// [`Error::Input`] where a stated load bends a branch too far, where a sway or a flutter has no spectrum, where
+    /// leaves should flutter on branches that do not sway, and for too many textures, cross-sections or vertices of
+    /// bark.
     pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
         let wind = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0);
         let seed = wind.map_or(0, |w| w.seed);
@@ -105,13 +106,13 @@ impl Winds {
         let of_leaves = TEXTURES * flutters.len();
         if leads.len() + of_leaves > MOST_TEXTURES {
             let what = format!(
-                "a need of {} motion textures for the sway of branches, whose resonances and dampings differ so much, and of \
-                 {of_leaves} for the flutter of leaves",
+                "a need of {} motion textures for the sway of branches, whose resonances and dampings differ so much, \
+                 and of {of_leaves} for the flutter of leaves",
                 leads.len()
             );
             let expected = format!(
-                "at most {MOST_TEXTURES} in all; resonances follow from lengths (mm, times `scale`) or are stated, and plants whose `flutter` \
-                 is the same share textures"
+                "at most {MOST_TEXTURES} in all; resonances follow from lengths (mm, times `scale`) or are stated, and \
+                 plants whose `flutter` is the same share textures"
             );
             return Err(Error::unexpected(&manifest.path, "plant", what, expected));
         }

@@ -160,8 +160,8 @@ fn a_stated_load_bends_a_branch_as_a_beam() {
     // The plant lies along the world's x, so the load acts across its trunk.
     let down = DMat3::from_mat4(planted[0].places[0]).transpose() * DVec3::NEG_Z;
     let moved = (pose.tip(0) - trunk.point(1.0).0).dot(down.normalize());
-    // u″ = 2 F/(π E′ r₁⁴) · (1 − x)²/(r/r₁)⁴ over the length L, twice integrated with 20,000 steps. The beam's load F is
-    // spread evenly: its moment at x is F (1 − x)²/2, and its stiffness is E′ π r⁴/4.
+    // u″ = 2 F/(π E′ r₁⁴) · (1 − x)²/(r/r₁)⁴ over the length L, twice integrated with 20,000 steps. The beam's load F
+    // is spread evenly: its moment at x is F (1 − x)²/2, and its stiffness is E′ π r⁴/4.
     let (length, n) = (trunk.length(), 20_000);
     let amplitude = 60.0 / length;
     let (mut slope, mut u) = (0.0, 0.0);
@@ -177,8 +177,8 @@ fn a_stated_load_bends_a_branch_as_a_beam() {
     manifest.plants[0].branches = vec![told(1e5, 0.4)];
     let said = stand(&manifest).1.unwrap_err();
     assert!(said.contains("plant 1: branch \"trunk\": found a load under which its tip goes by"), "{said}");
-    // A straight branch on a plant of twice the size, at several tilts from the vertical and in a wind that moves nothing:
-    // the part of a small load across it bends it, downwards in the plane of the tilt.
+    // A straight branch on a plant of twice the size, at several tilts from the vertical and in a wind that moves
+    // nothing: the part of a small load across it bends it, downwards in the plane of the tilt.
     let mut straight = planted[0].clone();
     straight.plant.leaves.clear();
     straight.plant.branches.truncate(1);

@@ -69,8 +69,8 @@ pub fn inputs() -> Result<Inputs> {
             error: mean.sqrt(),
             us,
             note: format!(
-                "{} species, R and T at three wavelengths, root mean square, three parameters, worst species {worst:.1e}; \
-                 the table of pigments is the example's",
+                "{} species, R and T at three wavelengths, root mean square, three parameters, worst species \
+                 {worst:.1e}; the table of pigments is the example's",
                 species.len()
             ),
         });

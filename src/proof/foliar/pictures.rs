@@ -133,8 +133,8 @@ pub fn rows() -> Result<Vec<BenchRow>> {
             // as many paths.
             let equal = (us * noise.powi(2) * f64::from(REFERENCE)) / (its_us * its_noise.powi(2) * f64::from(PATHS));
             let note = format!(
-                "RMS (Eq. 6) of displayed values from the ABM's picture; {:.1} times as fast a path, {equal:.1} times to \
-                 the same noise",
+                "RMS (Eq. 6) of displayed values from the ABM's picture; {:.1} times as fast a path, {equal:.1} times \
+                 to the same noise",
                 us / its_us
             );
             rows.push(row(what, name, rms(&shown, &truth), its_us, note));
@@ -204,11 +204,17 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
             }
             let name = if side == Side::Front { "diffuse light from above" } else { "diffuse light from below" };
             let note = format!(
-                "relative RMS over directions of view of what the ABM shows, had source and viewer been exchanged; worst \
-                 of the rings {:+.0} %",
+                "relative RMS over directions of view of what the ABM shows, had source and viewer been exchanged; \
+                 worst of the rings {:+.0} %",
                 100.0 * worst
             );
-            row("source and viewer exchanged", name, (square / weight).sqrt(), clock.elapsed().as_secs_f64() * 1e6, note)
+            row(
+                "source and viewer exchanged",
+                name,
+                (square / weight).sqrt(),
+                clock.elapsed().as_secs_f64() * 1e6,
+                note,
+            )
         })
         .collect()
 }

@@ -68,8 +68,8 @@ fn row(slices: &Slices, truth: &[Look], rays: Rays, knob: &str, setting: &str) -
         error: errors.coverage,
         us: median_us(50.0, || gather().sum::<f64>()) / 1000.0,
         note: format!(
-            "root mean square of the coverage's error over 64 directions (worst {:.3}; colour {:.1} %); {:.2} MB; time: a \
-             ray at 30° in double precision",
+            "root mean square of the coverage's error over 64 directions (worst {:.3}; colour {:.1} %); {:.2} MB; \
+             time: a ray at 30° in double precision",
             errors.coverage_worst,
             100.0 * errors.colour,
             slices.bytes() as f64 / 1e6

@@ -220,8 +220,8 @@ fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3])
     let mut rows = Vec::new();
     let mut add = |setting: &str, bytes: usize, (wrong, us, most): (f64, f64, f64)| {
         let note = format!(
-            "share of receivers that differ; 100,000 receivers of a map decoded on one thread, at most {most:.0} µs; {what}: \
-             {bytes} bytes, {:.1} times smaller than {raw}",
+            "share of receivers that differ; 100,000 receivers of a map decoded on one thread, at most {most:.0} µs; \
+             {what}: {bytes} bytes, {:.1} times smaller than {raw}",
             raw as f64 / bytes as f64
         );
         rows.push(row(&format!("code, {which}"), setting, wrong, us, note));

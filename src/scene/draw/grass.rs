@@ -15,7 +15,8 @@ pub use slices::{lawn, seen_from_above};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// The largest number of triangles in all rectangles of a lawn in the wind or on a hill, where each rectangle has its own blades.
+/// The largest number of triangles in all rectangles of a lawn in the wind or on a hill, where each rectangle has its
+/// own blades.
 const MOST_TRIANGLES: usize = 40_000_000;
 
 /// Adds a lawn's blades to the path tracer's world, with one leaf for each material and part, in every rectangle. In

@@ -1,5 +1,5 @@
-//! The plan of plants that move: beam fit, motion textures, and the sections that carry plants in the vertex stage. Each
-//! is needed only where something moves.
+//! The plan of plants that move: beam fit, motion textures, and the sections that carry plants in the vertex stage.
+//! Each is needed only where something moves.
 
 use super::{LeftOut, Need, Plan};
 use mesophyll_fit_branch::beam::basis;

@@ -140,8 +140,8 @@ fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, m
     plan.need(need);
 }
 
-/// The largest distance (mm) between points of any two of these balls. Balls far from the middle are tried first. A pair
-/// cannot be farther apart than both are from the middle together, so that most pairs need no look.
+/// The largest distance (mm) between points of any two of these balls. Balls far from the middle are tried first. A
+/// pair cannot be farther apart than both are from the middle together, so that most pairs need no look.
 fn reach(balls: &[(DVec3, f64)]) -> f64 {
     let Some((first, _)) = balls.first() else { return 0.0 };
     let (low, high) = balls.iter().fold((*first, *first), |(l, h), (p, _)| (l.min(*p), h.max(*p)));

@@ -1,4 +1,5 @@
-//! The library's part of the window: edits of leaves and of branches, and saving what was edited as new fits and plants.
+//! The library's part of the window: edits of leaves and of branches, and saving what was edited as new fits and
+//! plants.
 
 pub mod edit;
 mod plants;

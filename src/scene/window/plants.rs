@@ -44,8 +44,8 @@ impl Plants {
         self.applied.clone()
     }
 
-    /// Applies edits to the plants as the window opened, and places the result in the scene. After an error the scene is
-    /// as before.
+    /// Applies edits to the plants as the window opened, and places the result in the scene. After an error the scene
+    /// is as before.
     ///
     /// # Errors
     /// As [`Winds::new`], where a load bends a branch too far, for example.

@@ -17,6 +17,8 @@ mod estimate;
 mod foliar_tests;
 mod lights;
 mod picture;
+#[cfg(test)]
+mod picture_tests;
 mod samples;
 mod scatter;
 #[cfg(test)]
@@ -162,8 +164,8 @@ impl<'a> Tracer<'a> {
         self.follow_each([(ray, samples)]).pop().unwrap_or_default()
     }
 
-    /// Paths from the camera along rays (of unit direction), side by side: all make their next turn, then what they meet
-    /// next is looked for together. What a path brings does not depend on those beside it.
+    /// Paths from the camera along rays (of unit direction), side by side: all make their next turn, then what they
+    /// meet next is looked for together. What a path brings does not depend on those beside it.
     fn follow_each<'s>(&self, begun: impl IntoIterator<Item = (Ray, &'s mut Samples)>) -> Vec<Brought> {
         let Paths { bounces, strategy } = self.paths;
         let most = bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);

@@ -332,8 +332,8 @@ pub(super) fn pixel_seed(seed: u64, pixel: usize, round: u32) -> u32 {
 }
 
 impl Tracer<'_> {
-    /// The means of `paths` paths through each pixel of row `j`, and how many were cut off: a box filter over the pixel's
-    /// square. `None` where a stop was asked for.
+    /// The means of `paths` paths through each pixel of row `j`, and how many were cut off: a box filter over the
+    /// pixel's square. `None` where a stop was asked for.
     pub(super) fn row(
         &self,
         lens: &Lens,

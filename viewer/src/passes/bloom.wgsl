@@ -1,5 +1,5 @@
-// Light that a camera's lens scatters over the picture. The picture is halved several times, and the halves are added up
-// again from the smallest one. All weights sum to 1, so that light is only moved.
+// Light that a camera's lens scatters over the picture. The picture is halved several times, and the halves are added
+// up again from the smallest one. All weights sum to 1, so that light is only moved.
 
 @group(0) @binding(0) var fine: texture_2d<f32>;
 //#if BLEND

@@ -13,9 +13,12 @@
 mod grid;
 mod kernel;
 mod matrix;
+mod settled;
+
+pub use settled::{PARAMETERS, derivatives, is_plain, prepared, response, responses};
 
 use super::{Leaf, Oblateness, Path, Response, Side, enter, fresnel};
-use crate::number::{Dual, Real, Scalar};
+use crate::number::Real;
 use grid::Grid;
 use kernel::{Point, Rules};
 use matrix::Matrix;
@@ -305,102 +308,4 @@ fn mean<N: Real>(grid: &Grid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&Point<N
             Matrix { rows: size, columns: size, entries }
         }
     }
-}
-
-/// Reflectance and transmittance of light at `incidence` (radians from the normal, 0 to π/2) onto `side`, to 2e-5;
-/// `None` where the method does not settle to that.
-pub fn response(leaf: &Leaf, side: Side, incidence: f64) -> Option<Response> {
-    responses(leaf, &[(side, incidence)])?.first().copied()
-}
-
-/// The same for light of several sides and angles.
-pub fn responses(leaf: &Leaf, lights: &[(Side, f64)]) -> Option<Vec<Response>> {
-    if straight(leaf) {
-        let one = |&(side, at): &(Side, f64)| Prepared::straight(leaf, at).solve(leaf.depth).response(side, at);
-        return Some(lights.iter().map(one).collect());
-    }
-    let prepared = prepared(leaf, &[leaf.depth], lights)?;
-    let solved = prepared.solve(leaf.depth);
-    Some(lights.iter().map(|&(side, at)| solved.response(side, at)).collect())
-}
-
-/// Prepares a leaf whose lobes turn light, finely enough that R and T of these lights are right to 2e-5 at these
-/// absorptions times thickness. `None` where the method does not converge to that.
-pub fn prepared(leaf: &Leaf, depths: &[f64], lights: &[(Side, f64)]) -> Option<Prepared> {
-    let mut prepared = Prepared::new(leaf, Resolution::USUAL);
-    if is_plain(leaf) {
-        return Some(prepared);
-    }
-    let seen = |prepared: &Prepared| -> Vec<Response> {
-        let at = |depth: &f64| {
-            let solved = prepared.solve(*depth);
-            lights.iter().map(|&(side, at)| solved.response(side, at)).collect::<Vec<_>>()
-        };
-        depths.iter().flat_map(at).collect()
-    };
-    let mut found = seen(&prepared);
-    for resolution in Resolution::FINER {
-        prepared = Prepared::new(leaf, resolution);
-        let finer = seen(&prepared);
-        let off = |(a, b): (&Response, &Response)| {
-            (a.reflectance - b.reflectance).abs().max((a.transmittance - b.transmittance).abs())
-        };
-        let settled = finer.iter().zip(&found).map(off).fold(0.0, f64::max) < SETTLED;
-        if settled {
-            return Some(prepared);
-        }
-        found = finer;
-    }
-    None
-}
-
-/// Two resolutions that agree within this are both right to 2e-5.
-const SETTLED: f64 = 1e-5;
-
-/// Whether no lobe turns light.
-fn straight(leaf: &Leaf) -> bool {
-    let Oblateness { epidermis, palisade, spongy, .. } = leaf.oblateness;
-    [epidermis, palisade, spongy].iter().all(|o| o.is_infinite())
-}
-
-/// Whether the usual resolution is known to be enough: lobes are wide, and indices equal or well apart.
-pub fn is_plain(leaf: &Leaf) -> bool {
-    let Oblateness { epidermis, palisade, spongy, .. } = leaf.oblateness;
-    let mut indices = [1.0, leaf.n_cuticle, leaf.n_mesophyll, leaf.n_antidermal];
-    indices.sort_by(f64::total_cmp);
-    [epidermis, palisade, spongy].iter().all(|o| *o <= 12.0)
-        && indices.windows(2).all(|w| w[0] == w[1] || w[1] - w[0] > 0.005)
-}
-
-/// The parameters of [`derivatives`], in their order.
-pub const PARAMETERS: [&str; 7] = [
-    "depth",
-    "n_cuticle",
-    "n_mesophyll",
-    "n_antidermal",
-    "oblateness_epidermis",
-    "oblateness_palisade",
-    "oblateness_spongy",
-];
-
-/// Reflectance and transmittance with their derivatives by [`PARAMETERS`], at the usual resolution. Where two indices
-/// are equal, or an oblateness is infinite, the derivative by it is that of a leaf in which they stay so.
-pub fn derivatives(leaf: &Leaf, side: Side, incidence: f64) -> Response<Dual<f64, 7>> {
-    let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
-    let dual = Leaf {
-        depth: Dual::parameter(leaf.depth, 0),
-        n_cuticle: Dual::parameter(leaf.n_cuticle, 1),
-        n_mesophyll: Dual::parameter(leaf.n_mesophyll, 2),
-        n_antidermal: Dual::parameter(leaf.n_antidermal, 3),
-        oblateness: Oblateness {
-            cuticle: Dual::of(cuticle),
-            epidermis: Dual::parameter(epidermis, 4),
-            palisade: Dual::parameter(palisade, 5),
-            spongy: Dual::parameter(spongy, 6),
-        },
-        path: leaf.path,
-    };
-    let prepared =
-        if straight(leaf) { Prepared::straight(&dual, incidence) } else { Prepared::new(&dual, Resolution::USUAL) };
-    prepared.solve(dual.depth).response(side, incidence)
 }

@@ -175,8 +175,8 @@ fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> O
     if !(ra <= DETERMINED && rs <= DETERMINED) {
         return None;
     }
-    // Far from the edges, errors of up to DETERMINED carry over linearly everywhere; a test goes through them. To ask the
-    // model there too would take ten times as long as the inversion itself.
+    // Far from the edges, errors of up to DETERMINED carry over linearly everywhere; a test goes through them. To ask
+    // the model there too would take ten times as long as the inversion itself.
     if near_edge(m, lost) && !bounds::nearly_linear(m, &point, &spread, check) {
         return None;
     }

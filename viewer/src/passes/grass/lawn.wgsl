@@ -22,7 +22,8 @@ struct Grass {
     // Radiance below the horizon that the sky's harmonics contain.
     // On a hill, w is 1/(2 radius²).
     below: vec4f,
-    // On a hill, the w are the place of its top along x and y, and its height. The ray through a place (x, y) of the picture is the first + x · the second + y · the third.
+    // On a hill, the w are the place of its top along x and y, and its height. The ray through a place (x, y) of the
+    // picture is the first + x · the second + y · the third.
     rays: array<vec4f, 3>,
     // The mean lean of blades along x and y; zw is the place of the origin in the map of gusts.
     lean: vec4f,
