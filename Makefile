@@ -2,7 +2,7 @@
 #   make demo    a leaf scan measured, fitted, reported, rendered and checked, under out/demo/
 #   make test    every test; at the end it says how many were skipped, and why
 #   make fits    regenerates everything under fits/
-#   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or of the renderer
+#   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or the renderer
 #   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
 #   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
@@ -49,8 +49,8 @@ fits: build
 	@rm -f out/fits/report.html
 	@code=0; $(MESOPHYLL) run data/scenes/fits.toml --write-fits --out out/fits || code=$$?; \
 	if [ $$code -le 1 ]; then \
-	    $(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis -o fits/elm-twig --out out/fits/elm-twig.csv \
-	        || code=$$?; \
+	    $(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis \
+	        -o fits/elm-twig --out out/fits/elm-twig.csv || code=$$?; \
 	fi; \
 	$(call ended,out/fits/report.html)
 
@@ -70,7 +70,8 @@ gallery: build
 book:
 	@command -v mdbook >/dev/null || { echo "No book: mdbook is missing; cargo install mdbook brings it" >&2; exit 1; }
 	@rm -rf out/book && mkdir -p out/book
-	@cp -r --parents README.md docs $$(find data -name '*.md' -o -name leaves.toml) out/book && mv out/book/docs/book.toml out/book
+	@cp -r --parents README.md docs $$(find data -name '*.md' -o -name leaves.toml) out/book
+	@mv out/book/docs/book.toml out/book
 	@sed 's|](|](docs/|; s|](docs/\.\./|](|' docs/SUMMARY.md >out/book/SUMMARY.md
 	@mdbook build -d "$(CURDIR)/out/book/html" out/book
 

@@ -61,8 +61,8 @@
 //! 4   capture
 //! 3   translucency  walk        transport   record      window
 //! 2   optics        viewer      flora       foreign
-//! 1   surface       solve       sky         plant      files
-//! 0   error         quadrature  fourier     rays
+//! 1   surface       solve       sky         plant      files       rays
+//! 0   error         quadrature  fourier     processor
 //! ```
 
 pub use mesophyll_capture as capture;

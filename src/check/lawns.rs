@@ -254,7 +254,8 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             error: f64::NAN,
             us: times[0],
             note: format!(
-                "billboards take {:.2} times as long as slices; {speed_up} in the dissertation, on other adapters; {adapter}",
+                "billboards take {:.2} times as long as slices; {speed_up} in the dissertation, on other adapters; \
+                 {adapter}",
                 times[1] / times[0]
             ),
         });
@@ -293,7 +294,8 @@ fn densities(adapter: &str, bar: &Bar) -> Result<Vec<Row>> {
             error: f64::NAN,
             us: medians[k],
             note: format!(
-                "{:.2} times the time of the thinnest lawn ({:.0} blades a square metre), drawn by turns; 480x320 on {adapter}",
+                "{:.2} times the time of the thinnest lawn ({:.0} blades a square metre), drawn by turns; 480x320 on \
+                 {adapter}",
                 medians[k] / medians[0],
                 PER_M2 / 4.0
             ),

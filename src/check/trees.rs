@@ -28,7 +28,8 @@ const LEAF: [[f32; 8]; 4] = [
 const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
     "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3}]}],
     "buffers": [{"uri": "leaf.bin", "byteLength": 140}],
-    "bufferViews": [{"buffer": 0, "byteLength": 128, "byteStride": 32}, {"buffer": 0, "byteOffset": 128, "byteLength": 12}],
+    "bufferViews": [{"buffer": 0, "byteLength": 128, "byteStride": 32},
+        {"buffer": 0, "byteOffset": 128, "byteLength": 12}],
     "accessors": [
         {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, -18, 0], "max": [62, 18, 0]},
         {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 4, "type": "VEC3"},

@@ -13,9 +13,8 @@ pub fn say_tally(tally: &Tally, io: &BatchIo, common: &Common, row: &str) -> Res
     if common.json && io.output != Path::new("-") {
         let found: serde_json::Map<_, _> = tally.found().map(|(name, n)| (name.to_string(), n.into())).collect();
         let Tally { rows, ok, undetermined, refused, .. } = tally;
-        print_json(
-            &serde_json::json!({ "rows": rows, "ok": ok, "undetermined": undetermined, "refused": refused, "found": found }),
-        )?;
+        print_json(&serde_json::json!({ "rows": rows, "ok": ok, "undetermined": undetermined, "refused": refused,
+                "found": found }))?;
     }
     Ok(())
 }

@@ -20,7 +20,8 @@ use std::path::PathBuf;
 A terminal shows how far it is and the time left. Ctrl-C stops before anything is printed or written.")]
 pub struct Args {
     /// Which models to sweep (default: all)
-    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(models::with(|m| m.bench).map(|(name, _)| name)))]
+    #[arg(value_name = "MODEL",
+        value_parser = PossibleValuesParser::new(models::with(|m| m.bench).map(|(name, _)| name)))]
     models: Vec<String>,
     /// Write bench.json, one plot for each model, and the documentation's pictures of these models into this folder
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]

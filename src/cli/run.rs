@@ -84,7 +84,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         scene.placed.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
     if common.json {
         super::print_json(&json!({
-            "scene": scene.plan.scene, "passed": passed, "verdict": verdict.sentence, "level": verdict.level, "fits": fits, "report": path, "check": checked,
+            "scene": scene.plan.scene, "passed": passed, "verdict": verdict.sentence, "level": verdict.level,
+                "fits": fits, "report": path, "check": checked,
             "stages": stages.0, "seconds": clock.elapsed().as_secs_f64(),
         }))?;
     } else {

@@ -10,7 +10,8 @@ use mesophyll_report::rows;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Which tables to run (default: all)
-    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(models::with(|m| m.stress).map(|(name, _)| name)))]
+    #[arg(value_name = "MODEL",
+        value_parser = PossibleValuesParser::new(models::with(|m| m.stress).map(|(name, _)| name)))]
     models: Vec<String>,
 }
 

@@ -301,7 +301,8 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
     let texels = leaf.mask.iter().filter(|m| **m).count();
     if common.json {
         super::print_json(&serde_json::json!({
-            "capture": args.out, "name": manifest.name, "width": width, "height": height, "texel_mm": leaf.texel_mm, "texels": texels,
+            "capture": args.out, "name": manifest.name, "width": width, "height": height, "texel_mm": leaf.texel_mm,
+                "texels": texels,
             "frames": manifest.passes.iter().map(|p| p.positions().len()).sum::<usize>() * 2,
         }))?;
     } else {

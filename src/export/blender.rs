@@ -44,7 +44,8 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
         Sky::Map(map) => value(&textures.picture("sky", map.size, |k| map.against(k, map.size[0] / 2))?),
     };
     let sun = shown.sun.map(|sun| {
-        json!({"towards": sun.direction.normalize().to_array(), "irradiance": sun.irradiance, "angle": 2.0 * sun.radius})
+        json!({"towards": sun.direction.normalize().to_array(), "irradiance": sun.irradiance,
+            "angle": 2.0 * sun.radius})
     });
     let data = json!({
         "materials": materials, "sky": sky, "sun": sun, "size": shown.size, "samples": shown.samples,

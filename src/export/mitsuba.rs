@@ -173,7 +173,8 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
             };
             bsdf = format!(
                 "<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\"{gloss}\"/>{bsdf}<bsdf \
-                 type=\"roughconductor\"><string name=\"distribution\" value=\"{slopes}\"/>{metal}{alpha}{}</bsdf></bsdf>",
+                 type=\"roughconductor\"><string name=\"distribution\" \
+                     value=\"{slopes}\"/>{metal}{alpha}{}</bsdf></bsdf>",
                 paint("specular_reflectance", &colour)
             );
         }

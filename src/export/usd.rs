@@ -20,8 +20,16 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     let coats = coats(shown, Target::Usd);
     let mut textures = Textures::new(folder);
     let mut text = String::from(
-        "#usda 1.0\n(\n    defaultPrim = \"World\"\n    metersPerUnit = 0.001\n    upAxis = \"Z\"\n)\n\nclass Scope \
-         \"Sheets\"\n{\n",
+        r#"#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 0.001
+    upAxis = "Z"
+)
+
+class Scope "Sheets"
+{
+"#,
     );
     for coat in &coats {
         sheet(&mut text, coat, &mut textures)?;
@@ -31,8 +39,12 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
         let name = &shown.sheets[*of].name;
         let _ = writeln!(
             text,
-            "    def Xform \"{name}_{k}\" (\n        instanceable = true\n        references = </Sheets/{name}>\n    \
-             )\n    {{\n{}    }}",
+            r#"    def Xform "{name}_{k}" (
+        instanceable = true
+        references = </Sheets/{name}>
+    )
+    {{
+{}    }}"#,
             transform(place)
         );
     }
@@ -56,8 +68,9 @@ fn transform(m: &DMat4) -> String {
         format!("({}, {}, {}, {})", v.x, v.y, v.z, v.w)
     };
     format!(
-        "        matrix4d xformOp:transform = ( {}, {}, {}, {} )\n        uniform token[] xformOpOrder = \
-         [\"xformOp:transform\"]\n",
+        r#"        matrix4d xformOp:transform = ( {}, {}, {}, {} )
+        uniform token[] xformOpOrder = ["xformOp:transform"]
+"#,
         row(0),
         row(1),
         row(2),
@@ -74,13 +87,25 @@ fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> 
     let three = |v: &[f32; 3]| format!("({}, {}, {})", v[0], v[1], v[2]);
     let _ = writeln!(
         text,
-        "    def Xform \"{}\"\n    {{\n        def Mesh \"Mesh\" (\n            prepend apiSchemas = \
-         [\"MaterialBindingAPI\"]\n        )\n        {{\n            uniform bool doubleSided = 1\n            uniform \
-         token subdivisionScheme = \"none\"\n            int[] faceVertexCounts = [{}]\n            int[] \
-         faceVertexIndices = [{}]\n            point3f[] points = [{}]\n            normal3f[] normals = [{}] (\n                \
-         interpolation = \"vertex\"\n            )\n            texCoord2f[] primvars:st = [{}] (\n                \
-         interpolation = \"vertex\"\n            )\n            rel material:binding = \
-         <../Material>\n        }}",
+        r#"    def Xform "{}"
+    {{
+        def Mesh "Mesh" (
+            prepend apiSchemas = ["MaterialBindingAPI"]
+        )
+        {{
+            uniform bool doubleSided = 1
+            uniform token subdivisionScheme = "none"
+            int[] faceVertexCounts = [{}]
+            int[] faceVertexIndices = [{}]
+            point3f[] points = [{}]
+            normal3f[] normals = [{}] (
+                interpolation = "vertex"
+            )
+            texCoord2f[] primvars:st = [{}] (
+                interpolation = "vertex"
+            )
+            rel material:binding = <../Material>
+        }}"#,
         sheet.name,
         list(mesh.indices.chunks_exact(3), |_| "3".into()),
         list(&mesh.indices, u32::to_string),
@@ -98,19 +123,25 @@ fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> 
             Paint::File(file) => {
                 let output = if kind == "float" { "r" } else { "rgb" };
                 let scale = if decode {
-                    "                float4 inputs:scale = (2, 2, 2, 1)\n                float4 inputs:bias = (-1, \
-                     -1, -1, 0)\n"
+                    "                float4 inputs:scale = (2, 2, 2, 1)
+                float4 inputs:bias = (-1, -1, -1, 0)
+"
                 } else {
                     ""
                 };
                 let out = if kind == "float" { "float outputs:r" } else { "float3 outputs:rgb" };
                 let _ = writeln!(
                     nodes,
-                    "            def Shader \"{input}\"\n            {{\n                uniform token info:id = \
-                     \"UsdUVTexture\"\n                asset inputs:file = @{file}@\n                token \
-                     inputs:sourceColorSpace = \"raw\"\n                token inputs:wrapS = \"clamp\"\n                \
-                     token inputs:wrapT = \"clamp\"\n{scale}                float2 inputs:st.connect = \
-                     <../st.outputs:result>\n                {out}\n            }}"
+                    r#"            def Shader "{input}"
+            {{
+                uniform token info:id = "UsdUVTexture"
+                asset inputs:file = @{file}@
+                token inputs:sourceColorSpace = "raw"
+                token inputs:wrapS = "clamp"
+                token inputs:wrapT = "clamp"
+{scale}                float2 inputs:st.connect = <../st.outputs:result>
+                {out}
+            }}"#
                 );
                 writeln!(inputs, "                {kind} inputs:{input}.connect = <../{input}.outputs:{output}>")
             }
@@ -129,11 +160,22 @@ fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> 
     }
     let _ = writeln!(
         text,
-        "        def Material \"Material\"\n        {{\n            token outputs:surface.connect = \
-         <Surface.outputs:surface>\n            def Shader \"Surface\"\n            {{\n                uniform token \
-         info:id = \"UsdPreviewSurface\"\n{inputs}                token outputs:surface\n            }}\n            def \
-         Shader \"st\"\n            {{\n                uniform token info:id = \"UsdPrimvarReader_float2\"\n                \
-         string inputs:varname = \"st\"\n                float2 outputs:result\n            }}\n{nodes}        }}\n    }}"
+        r#"        def Material "Material"
+        {{
+            token outputs:surface.connect = <Surface.outputs:surface>
+            def Shader "Surface"
+            {{
+                uniform token info:id = "UsdPreviewSurface"
+{inputs}                token outputs:surface
+            }}
+            def Shader "st"
+            {{
+                uniform token info:id = "UsdPrimvarReader_float2"
+                string inputs:varname = "st"
+                float2 outputs:result
+            }}
+{nodes}        }}
+    }}"#
     );
     Ok(())
 }
@@ -145,8 +187,13 @@ fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<(
     let focal = 0.5 * height / (0.5 * c.fov_y_deg.to_radians()).tan();
     let _ = writeln!(
         text,
-        "    def Camera \"Camera\"\n    {{\n        float focalLength = {focal}\n        float horizontalAperture = {}\n        \
-         float verticalAperture = {height}\n        float2 clippingRange = (1, 1e7)\n{}    }}",
+        r#"    def Camera "Camera"
+    {{
+        float focalLength = {focal}
+        float horizontalAperture = {}
+        float verticalAperture = {height}
+        float2 clippingRange = (1, 1e7)
+{}    }}"#,
         height * aspect,
         transform(&crate::gltf::looking(c.eye, c.target, c.up))
     );
@@ -156,8 +203,13 @@ fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<(
         let up = if toward.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
         let _ = writeln!(
             text,
-            "    def DistantLight \"Sun\"\n    {{\n        float inputs:angle = {}\n        bool inputs:normalize = 1\n        \
-             float inputs:intensity = 1\n        color3f inputs:color = ({r}, {g}, {b})\n{}    }}",
+            r#"    def DistantLight "Sun"
+    {{
+        float inputs:angle = {}
+        bool inputs:normalize = 1
+        float inputs:intensity = 1
+        color3f inputs:color = ({r}, {g}, {b})
+{}    }}"#,
             2.0 * sun.radius.to_degrees(),
             transform(&crate::gltf::looking(DVec3::ZERO, -toward, up))
         );

@@ -263,7 +263,8 @@ impl Bench<'_> {
             error: self.error(&found),
             us,
             note: format!(
-                "nine harmonics a probe in the air, {PROBED} paths each, instead of anchors on the leaves; a leaf, {} bytes",
+                "nine harmonics a probe in the air, {PROBED} paths each, instead of anchors on the leaves; a leaf, {} \
+                 bytes",
                 count * BANDS * BANDS * 8 / self.world.instances.len()
             ),
         })

@@ -170,7 +170,8 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
     out.push(gusts("after a million seconds", 1e6));
     let branch = |name: &str, children: &str| {
         format!(
-            r#"{{"name":"{name}","children":[{children}],"extras":{{"branch":{{"level":0,"length_mm":100,"root_radius_mm":3,"tip_radius_mm":1}}}}}}"#
+            r#"{{"name":"{name}","children":[{children}],
+                "extras":{{"branch":{{"level":0,"length_mm":100,"root_radius_mm":3,"tip_radius_mm":1}}}}}}"#
         )
     };
     let two = [branch("a", "1"), branch("b", "0")].join(",");

@@ -135,7 +135,8 @@ impl Forest {
     /// triangle is met for sure with t < limit.
     fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
         let forest = self;
-        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64, found: &mut F) -> bool)
+        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64,
+            found: &mut F) -> bool)
     }
 }
 

@@ -1,7 +1,8 @@
 //! The radiance that a leaf sends to the viewer: W Eq. 1 under direct light, as `mesophyll_viewer::scene` describes it.
 //!
 //! ```text
-//! sun on the viewed side:  E · V · max(0, N·l) · (ρd/π + f_s)      sun on the far side:  E · V · max(0, F·l) · ρt_far/π
+//! sun on the viewed side:  E · V · max(0, N·l) · (ρd/π + f_s)
+//! sun on the far side:     E · V · max(0, F·l) · ρt_far/π
 //! … through an instance with maps of its own for where the sun stands:                   E · V · f · ρt_far/π
 //! constant sky:            L · (ρd + ρt_far + ρs · a(N·v, m))
 //! dome:                    (ρd E(N) + ρt_far E(F))/π + ∫ L f_s max(0, N·l) dl, E the irradiance on a normal

@@ -213,7 +213,8 @@ impl Blade {
         let mut add = |bytes: Vec<u8>, kind: &str, component: u32, count: usize| {
             views.push(format!(r#"{{"buffer":0,"byteOffset":{},"byteLength":{}}}"#, bin.len(), bytes.len()));
             accessors.push(format!(
-                r#"{{"bufferView":{},"componentType":{component},"count":{count},"type":"{kind}","min":[-999,-999,-999],"max":[999,999,999]}}"#,
+                r#"{{"bufferView":{},"componentType":{component},"count":{count},"type":"{kind}",
+                    "min":[-999,-999,-999],"max":[999,999,999]}}"#,
                 views.len() - 1
             ));
             bin.extend(bytes);
@@ -226,7 +227,10 @@ impl Blade {
         add(floats(uvs.iter().flat_map(|p| p.to_array()).collect()), "VEC2", 5126, n);
         add(indices.iter().flat_map(|i| i.to_le_bytes()).collect(), "SCALAR", 5125, indices.len());
         let mut json = format!(
-            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"scale":[0.001,0.001,0.001]}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"NORMAL":1,"TANGENT":2,"TEXCOORD_0":3}},"indices":4}}]}}],"buffers":[{{"byteLength":{}}}],"bufferViews":[{}],"accessors":[{}]}}"#,
+            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+                "nodes":[{{"mesh":0,"scale":[0.001,0.001,0.001]}}],"meshes":[{{"primitives":[{{
+                "attributes":{{"POSITION":0,"NORMAL":1,"TANGENT":2,"TEXCOORD_0":3}},"indices":4}}]}}],
+                "buffers":[{{"byteLength":{}}}],"bufferViews":[{}],"accessors":[{}]}}"#,
             bin.len(),
             views.join(","),
             accessors.join(",")

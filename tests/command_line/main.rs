@@ -12,6 +12,7 @@ mod commands;
 mod common;
 mod csv;
 mod interrupted;
+mod layout;
 mod links;
 mod makefile;
 mod mangled;

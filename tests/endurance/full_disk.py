@@ -3,11 +3,11 @@
     cargo build --release
     sudo python3 tests/endurance/full_disk.py target/release/mesophyll
 
-The disk is a small tmpfs, which only root can mount; without root only the limit of a file's size is tried. Each command
-first runs with room enough, which says how much it writes; then it runs again with less, at several sizes. Expected:
-exit code 1, one sentence that names a file and says what is wrong, no panic, and no file under its final name that
-differs from the one of the whole run. A run that ends as if there were room has to have written everything. Exit code 1
-where that is not so, and where a verb was never refused.
+The disk is a small tmpfs, which only root can mount; without root only the limit of a file's size is tried. Each
+command first runs with room enough, which says how much it writes; then it runs again with less, at several sizes.
+Expected: exit code 1, one sentence that names a file and says what is wrong, no panic, and no file under its final name
+that differs from the one of the whole run. A run that ends as if there were room has to have written everything. Exit
+code 1 where that is not so, and where a verb was never refused.
 """
 
 import argparse
@@ -36,7 +36,8 @@ def more_cases(folder):
         ("eval panorama", ["eval", "panorama", "--sun-zenith-deg", "50", "--turbidity", "3"], "sky.exr", []),
         ("fit sky", ["fit", "sky", "--bands", "3", "--method", "compact"], "sky", []),
         ("bench beam", ["bench", "beam"], "bench", []),
-        ("synth dome", ["synth", ROOT / "data/leaves/elm.toml", "--acquisition", "dome", "--size", "48x36"], "dome", []),
+        ("synth dome", ["synth", ROOT / "data/leaves/elm.toml", "--acquisition", "dome", "--size", "48x36"], "dome",
+            []),
         ("export pivots", ["export", ROOT / "data/scenes/breeze.toml", "--to", "pivots"], "pivots", []),
         ("fit leaf, a shard", ["fit", "leaf", scan, "--shard", "1/2"], "shard", []),
     ]

@@ -72,12 +72,7 @@ fn the_report_shows_the_maps() {
         ),
         // The coefficients as colours, and as three wavelengths.
         ("rgb", vec!["--colour", "three-wavelengths"], 17, vec!["Coefficients of M", "as colours", "8 blue"]),
-        (
-            "nine",
-            vec!["--basis", "hemispherical"],
-            14,
-            vec!["Coefficients of f on hemispherical harmonics 3", "function 9"],
-        ),
+        ("nine", vec!["--basis", "hemispherical"], 14, vec!["Coefficients of f on hemispherical-9", "function 9"]),
         (
             "sun",
             vec!["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"],

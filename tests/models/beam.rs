@@ -23,7 +23,8 @@ fn cell(answer: &(Vec<String>, Vec<Vec<String>>), row: usize, column: &str) -> f
 
 #[test]
 fn eval_answers_and_refuses_by_name() {
-    let input = "x,note,alpha\n1,a,1\n1,b,0.9999999\n0.5,c,1e-4\n0,d,0.3\n2,e,0.5\n-0.1,f,0.5\n0.5,g,0\n0.5,h,-1\n0.5,i,7\nnan,j,0.5\n0.5,k,wide\n1,l\n";
+    let input = "x,note,alpha\n1,a,1\n1,b,0.9999999\n0.5,c,1e-4\n0,d,0.3\n2,e,0.5\n-0.1,f,0.5\n0.5,g,0\n0.5,h,-1\n\
+         0.5,i,7\nnan,j,0.5\n0.5,k,wide\n1,l\n";
     let (code, out, _) = mesophyll(&["--quiet", "eval", "beam"], input);
     assert_eq!(code, 0);
     let answer = table(&out);
@@ -125,7 +126,8 @@ fn measured_branches_are_fitted_and_named() {
         text += &format!("oak,{length},{:?},{d:?},1e-3,2.5,9\n", x * length);
         text += &format!("bare,{length},{:?},{d:?},1e-3,,\n", x * length);
     }
-    text += "short,600,600,3,0.1,,\nbroken,600,300,?,0.1,,\nbroken,600,400,2,0.1,,\nuneven,600,300,1,0.1,,\nuneven,601,400,2,0.1,,\n";
+    text += "short,600,600,3,0.1,,\nbroken,600,300,?,0.1,,\nbroken,600,400,2,0.1,,\nuneven,600,300,1,0.1,,\n\
+         uneven,601,400,2,0.1,,\n";
     let file = folder.path().join("marks.csv");
     std::fs::write(&file, text).unwrap();
     let fit = folder.path().join("fit");

@@ -52,7 +52,8 @@ proptest! {
     fn a_slab_scales_and_is_monotone(a in coefficient(), s in coefficient(), h in thickness(), k in 1.01..3.0f64) {
         let r = exact::response(a, s, h);
         let same = exact::response(a * k, s * k, h / k);
-        prop_assert!((same.rho_d - r.rho_d).abs() <= 1e-9 * r.rho_d + 1e-14 && (same.rho_t - r.rho_t).abs() <= 1e-9 * r.rho_t, "{r:?} {same:?}");
+        let alike = (same.rho_d - r.rho_d).abs() <= 1e-9 * r.rho_d + 1e-14;
+        prop_assert!(alike && (same.rho_t - r.rho_t).abs() <= 1e-9 * r.rho_t, "{r:?} {same:?}");
         let darker = exact::response(a * k, s, h);
         prop_assert!(darker.rho_d <= r.rho_d * (1.0 + 1e-9) && darker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} \
          {darker:?}");
@@ -78,14 +79,16 @@ proptest! {
         let n = [0.0, 0.0, 1.0];
         for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index }] {
             let (there, back) = (lobe.bounded(n, l, v, m), lobe.bounded(n, v, l, m));
-            prop_assert!(there >= 0.0 && there.is_finite() && (there - back).abs() <= 1e-9 * there.max(1e-300), "{lobe:?} {there} {back}");
+            prop_assert!(there >= 0.0 && there.is_finite() && (there - back).abs() <= 1e-9 * there.max(1e-300),
+                "{lobe:?} {there} {back}");
         }
     }
 
     /// Any number and any text of a table passes through a batch unchanged.
     #[test]
     fn tables_read_back_exactly(rows in prop::collection::vec((any::<f64>(), "[ -~äσ\"]{0,12}"), 1..20)) {
-        let rows: Vec<(f64, String)> = rows.into_iter().filter(|(x, _)| !x.is_nan()).map(|(x, note)| (x, note.trim().to_string())).collect();
+        let rows: Vec<(f64, String)> = rows.into_iter().filter(|(x, _)| !x.is_nan()).map(|(x, note)| (x,
+            note.trim().to_string())).collect();
         let mut bytes = b"note,x\n".to_vec();
         for (x, note) in &rows {
             table::push_text(&mut bytes, note);
@@ -99,7 +102,8 @@ proptest! {
         let input = Table::from_reader(Box::new(std::io::Cursor::new(bytes)), "in.csv".into()).unwrap();
         table::run(input, &Output::csv(&out), &spec, |row, out| out.push(Answer::ok(vec![row.get(0)]))).unwrap();
         let mut again = csv::Reader::from_path(&out).unwrap();
-        let found: Vec<(f64, String)> = again.records().map(|r| r.unwrap()).map(|r| (r[2].parse().unwrap(), r[0].to_string())).collect();
+        let found: Vec<(f64, String)> = again.records().map(|r| r.unwrap()).map(|r| (r[2].parse().unwrap(),
+            r[0].to_string())).collect();
         prop_assert_eq!(found.len(), rows.len());
         for (a, b) in found.iter().zip(&rows) {
             prop_assert!(a.0.to_bits() == b.0.to_bits() && a.1 == b.1, "{a:?} {b:?}");
@@ -108,7 +112,8 @@ proptest! {
 
     /// Every bit of every sample survives, packed or not.
     #[test]
-    fn images_read_back_exactly(width in 1usize..9, height in 1usize..20, seed in any::<u32>(), packed in any::<bool>()) {
+    fn images_read_back_exactly(width in 1usize..9, height in 1usize..20, seed in any::<u32>(),
+        packed in any::<bool>()) {
         let mut state = seed | 1;
         let mut next = || {
             state ^= state << 13;

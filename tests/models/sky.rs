@@ -23,7 +23,8 @@ fn coefficients(rows: &[Vec<String>], per_sky: usize) -> Vec<Vec<[f64; 3]>> {
 
 #[test]
 fn the_contract_of_eval_sky() {
-    let input = "note,turbidity,sun_zenith\n\"a,b\",3,0.9\nlow,3,1.5707963267948966\nnight,3,1.58\npole,1.643,0.5\nhazy,9.5,1.2\nempty,,0.3\nshort,3\n";
+    let input = "note,turbidity,sun_zenith\n\"a,b\",3,0.9\nlow,3,1.5707963267948966\nnight,3,1.58\npole,1.643,0.5\n\
+         hazy,9.5,1.2\nempty,,0.3\nshort,3\n";
     let (code, out, err) = mesophyll(&["eval", "sky"], input);
     assert_eq!(code, 0);
     let (header, rows) = table(&out);

@@ -169,7 +169,8 @@ fn noise_is_asked_for() {
     assert!(said.contains("no noise is stated for 2 rows") && said.contains("--noise 0"), "{said}");
     assert!(!mesophyll(&["fit", "slab", "--noise", "0.005"], input).2.contains("no noise"));
     // A row with its own errors needs no option. A row without them has no errors to show.
-    let own = "rho_d,rho_t,h,rho_d_err,rho_t_err\n0.3801,0.5129,0.15,0.005,0.005\n0.3801,0.5129,0.15,,\n0.3801,0.5129,0.15,0.005,\n";
+    let own = "rho_d,rho_t,h,rho_d_err,rho_t_err\n0.3801,0.5129,0.15,0.005,0.005\n0.3801,0.5129,0.15,,\n\
+         0.3801,0.5129,0.15,0.005,\n";
     let (_, out, said) = mesophyll(&["fit", "slab"], own);
     let own = table(&out).1;
     assert_eq!(own[0][5..], honest[0][3..]);

@@ -236,7 +236,8 @@ fn square(dir: &Path) {
             { "buffer": 0, "byteLength": 48 }, { "buffer": 0, "byteOffset": 48, "byteLength": 12 }
         ],
         "accessors": [
-            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0] },
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1,
+                0] },
             { "bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR" }
         ]
     });

@@ -3,9 +3,9 @@
 
     foliar_peers.py FOLDER      FOLDER holds leaves.csv: R450,T450,R550,T550,R650,T650, measured, a row a leaf
 
-N, chlorophyll and carotenoids are fitted to the six readings of each leaf by SciPy's least_squares; water and dry matter hardly matter at these
-wavelengths and are kept. Prints a JSON line: error = root mean square of measured less computed, us = median time of a leaf.
-Needs prosail and SciPy; says so if not.
+N, chlorophyll and carotenoids are fitted to the six readings of each leaf by SciPy's least_squares; water and dry
+matter hardly matter at these wavelengths and are kept. Prints a JSON line: error = root mean square of measured less
+computed, us = median time of a leaf. Needs prosail and SciPy; says so if not.
 """
 import csv
 import json
@@ -29,13 +29,16 @@ AT = [50, 150, 250]
 
 def computed(parameters):
     n, chlorophyll, carotenoid = parameters
-    _, reflectance, transmittance = prosail.run_prospect(n, chlorophyll, carotenoid, 0.0, 0.01, 0.005, ant=0.0, prospect_version="D")
+    _, reflectance, transmittance = prosail.run_prospect(
+        n, chlorophyll, carotenoid, 0.0, 0.01, 0.005, ant=0.0, prospect_version="D"
+    )
     return np.column_stack([reflectance[AT], transmittance[AT]]).ravel()
 
 
 def fitted(readings):
     bounds = ([1.0, 0.0, 0.0], [4.0, 400.0, 150.0])
-    found = [least_squares(lambda p: computed(p) - readings, start, bounds=bounds, x_scale=[1.0, 30.0, 8.0]) for start in STARTS]
+    scale = [1.0, 30.0, 8.0]
+    found = [least_squares(lambda p: computed(p) - readings, start, bounds=bounds, x_scale=scale) for start in STARTS]
     return min(found, key=lambda f: f.cost)
 
 
@@ -48,5 +51,7 @@ for leaf in leaves:
     found = fitted(leaf)
     times.append(time.perf_counter() - clock)
     squares.append(2 * found.cost / len(leaf))
-note = f"{len(leaves)} species, R and T at three wavelengths, root mean square, three parameters, worst species {max(squares) ** 0.5:.1e}"
-print(json.dumps({"peer": "PROSPECT-D (prosail)", "error": statistics.fmean(squares) ** 0.5, "us": statistics.median(times) * 1e6, "note": note}))
+worst = max(squares) ** 0.5
+note = f"{len(leaves)} species, R and T at three wavelengths, root mean square, three parameters, worst {worst:.1e}"
+print(json.dumps({"peer": "PROSPECT-D (prosail)", "error": statistics.fmean(squares) ** 0.5,
+    "us": statistics.median(times) * 1e6, "note": note}))

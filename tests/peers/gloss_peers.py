@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """SciPy and lmfit on linear-light-source traces, as `mesophyll bench gloss --peers` runs them.
 
-    gloss_peers.py FOLDER       FOLDER holds gloss.json: the device, the tube positions u, and texels with truth and RGB traces
+    gloss_peers.py FOLDER       FOLDER holds gloss.json: the device, the tube positions u, and texels with truth and RGB
+                                traces
 
-Fits eight parameters a texel: rho_d and rho_s a channel, slope m and tilt (thin tube, Eq. 7 of Wang et al. 2005, eight Gauss nodes, derivatives
-by differences, noise weights from the samples). Prints a JSON line a peer: error = median relative error of m, us = median time a texel.
+Fits eight parameters a texel: rho_d and rho_s a channel, slope m and tilt (thin tube, Eq. 7 of Wang et al. 2005, eight
+Gauss nodes, derivatives by differences, noise weights from the samples). Prints a JSON line a peer: error = median
+relative error of m, us = median time a texel.
 """
 import json
 import pathlib
@@ -74,7 +76,8 @@ def score(peer, fit):
     failed = sum(not e < 0.2 for e in errors)
     errors = [e if e == e else float("inf") for e in errors]
     note = f"{len(errors)} RGB texels, relative error of m, {failed} beyond 20 %"
-    print(json.dumps({"peer": peer, "error": statistics.median(errors), "us": statistics.median(times) * 1e6, "note": note}), flush=True)
+    print(json.dumps({"peer": peer, "error": statistics.median(errors), "us": statistics.median(times) * 1e6,
+        "note": note}), flush=True)
 
 
 try:

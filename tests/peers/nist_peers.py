@@ -3,7 +3,8 @@
 
     nist_peers.py FOLDER        FOLDER holds the .dat files (data/nist)
 
-Prints a JSON line a peer: error = 10^-(mean correct digits), us = median time of a fit. Needs NumPy with SciPy or lmfit; says what is missing.
+Prints a JSON line a peer: error = 10^-(mean correct digits), us = median time of a fit. Needs NumPy with SciPy or
+lmfit; says what is missing.
 """
 import json
 import math
@@ -102,7 +103,8 @@ def score(peer, fit, problems):
     mean = sum(scores) / len(scores)
     solved = sum(s > 4 for s in scores)
     note = f"NIST: {solved} of {len(scores)} solved, {mean:.2f} digits"
-    print(json.dumps({"peer": peer, "error": 10.0 ** -mean, "us": sorted(times)[len(times) // 2] * 1e6, "note": note}), flush=True)
+    print(json.dumps({"peer": peer, "error": 10.0 ** -mean, "us": sorted(times)[len(times) // 2] * 1e6, "note": note}),
+        flush=True)
 
 
 def main():
@@ -116,7 +118,8 @@ def main():
         tight = dict(ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=20000)
         score("SciPy lm", lambda f, p: least_squares(f, p, method="lm").x, problems)
         score("SciPy lm, tuned", lambda f, p: least_squares(f, p, method="lm", x_scale=np.abs(p), **tight).x, problems)
-        score("SciPy trf, tuned", lambda f, p: least_squares(f, p, method="trf", x_scale="jac", jac="3-point", **tight).x, problems)
+        trf = dict(method="trf", x_scale="jac", jac="3-point", **tight)
+        score("SciPy trf, tuned", lambda f, p: least_squares(f, p, **trf).x, problems)
     except ImportError:
         print(json.dumps({"skipped": "SciPy is not installed, skipped"}))
     try:

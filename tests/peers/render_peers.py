@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Embree and Mitsuba on the crown of `mesophyll bench render`, as `mesophyll bench render --peers` runs it.
 
-    render_peers.py FOLDER      FOLDER holds positions.f32, indices.u32 and, for each kind of rays, KIND.f32 (origin and direction)
-                                and KIND.i32 (the triangle that Mesophyll finds); paths.json says what picture is drawn
+    render_peers.py FOLDER      FOLDER holds positions.f32, indices.u32 and, for each kind of rays, KIND.f32 (origin and
+                                direction) and KIND.i32 (the triangle that Mesophyll finds); paths.json says what
+                                picture is drawn
 
-Both programs take turns: the script prints {"turn": KIND}, reads Mesophyll's time of a ray (us) from standard input, and then times the peer.
-Prints a JSON line a program and kind: us = median time of a ray or camera path; error = share of rays whose answer is not Mesophyll's, or for
-pictures the difference of their mean radiance over Mesophyll's. Everything runs on one thread.
-Needs NumPy and embreex (Embree 4, one ray after another, f32); pictures also need mitsuba (3.9), its vectorised variant LLVM 19. Says what is missing.
+Both programs take turns: the script prints {"turn": KIND}, reads Mesophyll's time of a ray (us) from standard input,
+and then times the peer. Prints a JSON line a program and kind: us = median time of a ray or camera path; error = share
+of rays whose answer is not Mesophyll's, or for pictures the difference of their mean radiance over Mesophyll's.
+Everything runs on one thread. Needs NumPy and embreex (Embree 4, one ray after another, f32); pictures also need
+mitsuba (3.9), its vectorised variant LLVM 19. Says what is missing.
 """
 import importlib.metadata
 import json
@@ -90,12 +92,17 @@ def picture(variant):
         "sky": {"type": "constant", "radiance": 1.0},
         "crown": {
             "type": "ply", "filename": str(folder / "crown.ply"), "face_normals": True,
-            "leaf": {"type": "twosided", "matte": {"type": "diffuse", "reflectance": {"type": "rgb", "value": said["rho"]}}},
+            "leaf": {
+                "type": "twosided",
+                "matte": {"type": "diffuse", "reflectance": {"type": "rgb", "value": said["rho"]}},
+            },
         },
         "camera": {
             "type": "perspective", "fov": said["fov_deg"], "near_clip": 1.0, "far_clip": 1e5,
             "to_world": mi.ScalarTransform4f().look_at(said["eye"], [0, 0, 0], [0, 0, 1]),
-            "film": {"type": "hdrfilm", "width": pixels, "height": pixels, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
+            "film": {
+                "type": "hdrfilm", "width": pixels, "height": pixels, "rfilter": {"type": "box"}, "pixel_format": "rgb",
+            },
             "sampler": {"type": "independent", "sample_count": samples},
         },
     })
@@ -123,5 +130,7 @@ for variant in ("scalar_rgb", "llvm_ad_rgb"):
     ratio = statistics.median(b / a for a, b in zip(ours, theirs))
     off = statistics.fmean(means) / said["mean"] - 1
     version = f"Mitsuba {mi.__version__} {variant}"
-    row(version, "paths", abs(off), theirs, f"; mean radiance against ours, whose standard error is {said['error'] / said['mean']:.4f}")
-    row(f"mesophyll beside {variant}", "paths", 0.0, ours, f", {ratio:.2f} times the peer's rate (median of the turns' quotients)")
+    row(version, "paths", abs(off), theirs,
+        f"; mean radiance against ours, whose standard error is {said['error'] / said['mean']:.4f}")
+    row(f"mesophyll beside {variant}", "paths", 0.0, ours,
+        f", {ratio:.2f} times the peer's rate (median of the turns' quotients)")

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """iadpython (adding-doubling) on the slab, as `mesophyll bench slab --peers` runs it.
 
-    slab_peers.py FOLDER        FOLDER holds slab.csv: omega,delta,rho_d,rho_t, isotropic, index-matched, normal incidence
+    slab_peers.py FOLDER        FOLDER holds slab.csv: omega,delta,rho_d,rho_t, isotropic, index-matched, normal
+                                incidence
 
-Prints a JSON line a peer: error = median over the rows of the larger relative error, us = median time a row. Needs iadpython; says so if not.
+Prints a JSON line a peer: error = median over the rows of the larger relative error, us = median time a row. Needs
+iadpython; says so if not.
 """
 import csv
 import json
@@ -36,7 +38,8 @@ def score(peer, work, rows):
         if time.perf_counter() - started > BUDGET_S:
             break
     note = f"{len(errors)} rows, worst error {max(errors):.1e}"
-    print(json.dumps({"peer": peer, "error": statistics.median(errors), "us": statistics.median(times) * 1e6, "note": note}), flush=True)
+    print(json.dumps({"peer": peer, "error": statistics.median(errors), "us": statistics.median(times) * 1e6,
+        "note": note}), flush=True)
 
 
 def forward(omega, delta, rho_d, rho_t):

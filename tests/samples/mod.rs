@@ -321,7 +321,8 @@ pub fn write_run(folder: &Path, passed: bool) {
     let check = serde_json::json!({
         "passed": passed, "adapter": "llvmpipe (software)",
         "views": [{"name": "top", "kind": "perspective", "flip_mean": 0.004, "flip_p99": 0.021, "max_error": 0.031,
-                   "threshold_flip_p99": 0.04, "threshold_max_error": 0.05, "noise_flip_p99": 0.012, "noise_max_error": 0.008,
+                   "threshold_flip_p99": 0.04, "threshold_max_error": 0.05, "noise_flip_p99": 0.012,
+                       "noise_max_error": 0.008,
                    "flip_top": 0.1, "difference_top": 0.0625, "why": if passed { vec![] } else { vec!["pixel (3, 4) is \
                     too light"] },
                    "frame_ms_median": 18.2, "frame_ms_p95": 21.7, "passed": passed}]

@@ -318,7 +318,8 @@ fn the_window_asks_for_no_map_before_its_sun_moves() {
     use mesophyll_window::editor::Editor;
     let dir = tempfile::tempdir().unwrap();
     let light = "[sun]\nzenith_deg = 35\nazimuth_deg = -70\nirradiance = [2.0, 2.0, 2.0]\nradius_deg = 2\n[sky]\n\
-                 radiance = [0.1, 0.1, 0.1]\n[transfer]\npaths = 16\nbands = 1\nshadows = \"visibility\"\nedge_mm = 8\n";
+                 radiance = [0.1, 0.1, 0.1]\n[transfer]\npaths = 16\nbands = 1\nshadows = \"visibility\"\n\
+                      edge_mm = 8\n";
     let manifest = Manifest::read(&crowd(dir.path(), [0.3, 0.3], 3, light)).unwrap();
     let ledger = Ledger::new();
     let mut free = Scene::open(manifest, Search { free: true, ..Search::default() }, &ledger).unwrap();

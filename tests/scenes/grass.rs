@@ -150,7 +150,8 @@ fn too_few_blocks_are_one_sentence() {
         }
         let told = read.unwrap_err().to_string();
         let said = format!(
-            "view.blocks: found {side}, with which 32 x 32 pixels have {found} blocks; expected 2 pixels or more, and 8 x 8"
+            "view.blocks: found {side}, with which 32 x 32 pixels have {found} blocks; expected 2 pixels or more, and \
+             8 x 8"
         );
         assert!(told.contains(&said) && told.lines().count() == 1, "{told}");
     }

@@ -8,9 +8,9 @@ code 1 where anything was wrong, and where fewer jobs were stopped than meant.
     python3 tests/workflow/check.py target/release/mesophyll            # on this machine
     sudo python3 tests/workflow/check.py target/release/mesophyll --slurm   # with a real Slurm on this one machine
 
-`--slurm` needs root and Debian's packages `slurm-wlm` and `munge`, and a machine that has no Slurm of its own: it writes
-/etc/slurm/slurm.conf (jobs of Snakemake look nowhere else), starts munged, slurmctld and slurmd with everything else in
-a temporary folder, and at the end stops them and removes that file, whatever happens.
+`--slurm` needs root and Debian's packages `slurm-wlm` and `munge`, and a machine that has no Slurm of its own: it
+writes /etc/slurm/slurm.conf (jobs of Snakemake look nowhere else), starts munged, slurmctld and slurmd with everything
+else in a temporary folder, and at the end stops them and removes that file, whatever happens.
 """
 
 import argparse
@@ -79,7 +79,8 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
 """)
         for name in ("state", "spool"):
             (folder / name).mkdir()
-        self.start(["munged", "-F", "--force", f"--key-file={key}", f"--socket={sock}", f"--pid-file={folder}/munged.pid",
+        self.start(["munged", "-F", "--force", f"--key-file={key}", f"--socket={sock}",
+            f"--pid-file={folder}/munged.pid",
                     f"--log-file={folder}/munged.log", f"--seed-file={folder}/munged.seed"])
         time.sleep(1)
         self.start(["slurmctld", "-D", "-c", "-f", str(conf)])
@@ -250,7 +251,8 @@ def main():
         pairs = [(folder / "whole/table.csv", folder / "results/table.csv")]
         for k in range(args.leaves):
             files = {p.name for at in ("whole", "results/fits") for p in (folder / at / f"elm-{k}").rglob("*")}
-            pairs += [(folder / f"whole/elm-{k}" / n, folder / f"results/fits/elm-{k}" / n) for n in sorted(files - {"times.toml"})]
+            pairs += [(folder / f"whole/elm-{k}" / n,
+                folder / f"results/fits/elm-{k}" / n) for n in sorted(files - {"times.toml"})]
         for one, other in pairs:
             if not (one.exists() and other.exists() and one.read_bytes() == other.read_bytes()):
                 print(f"{other.relative_to(folder)} is not what one run makes")

@@ -35,7 +35,8 @@ pub struct Args {
     #[arg(short = 'o', long = "out", alias = "output", value_name = "FILE", default_value = "-")]
     output: PathBuf,
     /// Paths a direction, or with --fluxes in all
-    #[arg(long, value_name = "N", default_value_t = 131_072, value_parser = clap::value_parser!(u32).range(32..=1 << 30))]
+    #[arg(long, value_name = "N", default_value_t = 131_072,
+        value_parser = clap::value_parser!(u32).range(32..=1 << 30))]
     samples: u32,
     /// Which of the scene's channels
     #[arg(long, value_name = "R|G|B", default_value = "G", value_parser = ["R", "G", "B"])]

@@ -35,7 +35,8 @@ pub struct Args {
     #[arg(long, value_name = "S")]
     noise: Option<f64>,
     /// What is fitted; the rest is taken from columns of the same names, or is 0 (the oblateness: 5)
-    #[arg(long = "fit", value_name = "NAME,…", value_delimiter = ',', value_parser = named::<Parameter>(), default_values_t = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness])]
+    #[arg(long = "fit", value_name = "NAME,…", value_delimiter = ',', value_parser = named::<Parameter>(),
+        default_values_t = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness])]
     asked: Vec<Parameter>,
     /// How long a crossing of the mesophyll is: sieve (the public program's) or slant
     #[arg(long, value_parser = ["sieve", "slant"], default_value = "sieve")]

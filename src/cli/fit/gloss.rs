@@ -9,6 +9,7 @@ use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
 use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter, samples};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Precision;
+use std::cell::RefCell;
 use std::path::PathBuf;
 
 /// Traces of a linear light source (`--geometry`), or goniometer samples (`--samples`), from CSV: diffuse and glossy
@@ -108,7 +109,7 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
     table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
-        thread_local!(static SCRATCH: std::cell::RefCell<mesophyll_fit::gloss::Workspace> = std::cell::RefCell::default());
+        thread_local!(static SCRATCH: RefCell<mesophyll_fit::gloss::Workspace> = RefCell::default());
         let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
         out.push(fit.answer(channels));
     })

@@ -37,7 +37,8 @@ pub struct Args {
     #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Fine)]
     method: Method,
     /// Bands N: l < N
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=fits::MOST_BANDS as i64))]
+    #[arg(long, value_name = "N", default_value_t = 7,
+        value_parser = clap::value_parser!(u16).range(1..=fits::MOST_BANDS as i64))]
     bands: u16,
     /// Turbidities to cover
     #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', default_values_t = [2.5, 6.0])]
@@ -52,16 +53,19 @@ pub struct Args {
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
     /// Fit sun, turbidity and scale of this picture of the sky
-    #[arg(long, value_name = "FILE.exr", conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
+    #[arg(long, value_name = "FILE.exr",
+        conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
     panorama: Option<PathBuf>,
     /// With --panorama: how pixels map to directions
-    #[arg(long, value_parser = named::<ProjectionKind>(), default_value_t = ProjectionKind::Equirectangular, requires = "panorama")]
+    #[arg(long, value_parser = named::<ProjectionKind>(), default_value_t = ProjectionKind::Equirectangular,
+        requires = "panorama")]
     projection: ProjectionKind,
     /// With --projection fisheye: the whole angle across the circle
     #[arg(long, value_name = "DEG", default_value_t = 180.0, requires = "panorama")]
     field_deg: f64,
     /// With --panorama: three channels (red, green, blue) or one (luminance)
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_values_t = ["R".to_string(), "G".to_string(), "B".to_string()], requires = "panorama")]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',',
+        default_values_t = ["R".to_string(), "G".to_string(), "B".to_string()], requires = "panorama")]
     channels: Vec<String>,
     /// With --panorama: channel that hides pixels where it is below 1/2
     #[arg(long, value_name = "NAME", requires = "panorama")]
@@ -142,7 +146,10 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     ));
     if common.json {
         let number = |v: f64| v.is_finite().then_some(v);
-        let known = |k: panorama::Known, unit: f64| serde_json::json!({"value": k.value * unit, "stderr": number(k.error * unit)});
+        let known = |k: panorama::Known, unit: f64| {
+            let [value, stderr] = [k.value * unit, k.error * unit];
+            serde_json::json!({"value": value, "stderr": number(stderr)})
+        };
         crate::print_json(&serde_json::json!({
             "sun_zenith_deg": known(found.sun_zenith, degrees),
             "sun_azimuth_deg": known(found.sun_azimuth, degrees),

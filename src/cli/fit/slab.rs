@@ -4,6 +4,7 @@ use super::foliar::{Column, column};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
 use mesophyll_files::unit::Unit;
@@ -39,9 +40,9 @@ pub struct Args {
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm`, `_cm` or `_m`; a column `h` is in
+    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in
     /// mm)
-    #[arg(long, value_parser = named::<Unit>())]
+    #[arg(long, value_parser = PossibleValuesParser::new(UNITS).try_map(|name| name.parse::<Unit>()))]
     thickness_unit: Option<Unit>,
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit: light that never entered the leaf,
     /// some
@@ -53,6 +54,9 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
 }
+
+/// Units of thicknesses.
+const UNITS: [&str; 3] = ["um", "mm", "m"];
 
 /// Names of the column with the leaf's name; the first one that exists is used.
 const LEAF: [&str; 2] = ["leaf", "leaf_id"];
@@ -223,10 +227,9 @@ fn not_in_mm(column: &str, thickness: f64) -> String {
 fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
     let named = suffix.parse::<Unit>().ok();
-    if ["dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
-        return Err(Error::Usage(format!(
-            "the thickness column {column:?} is in {suffix:?}; expected um, mm, cm or m"
-        )));
+    // Nobody measures leaves in these: such a name is more likely a mistake than a unit.
+    if ["cm", "dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
+        return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
     }
     match (named, asked) {
         (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(

@@ -40,7 +40,8 @@ pub struct Args {
     #[arg(long, value_enum)]
     channel: Option<Channel>,
     /// The leaf fit's slab, or the table of the sources (510 nm: sigma_a 0.4, sigma_s 10.2, g 0.07)
-    #[arg(long, value_parser = named::<TissueName>(), default_value_t = TissueName::Fit, conflicts_with_all = ["sigma_a", "sigma_s"])]
+    #[arg(long, value_parser = named::<TissueName>(), default_value_t = TissueName::Fit,
+        conflicts_with_all = ["sigma_a", "sigma_s"])]
     tissue: TissueName,
     /// Absorption (1/mm) instead
     #[arg(long, value_name = "V", requires = "sigma_s", allow_negative_numbers = true)]
@@ -97,10 +98,19 @@ pub struct Args {
     force: bool,
 }
 
-/// Reads one of the bases that are offered.
+/// Reads one of the bases that are offered. Former versions named some of them without their number, which is still
+/// understood.
 fn basis() -> impl TypedValueParser<Value = Basis> {
-    let shown = Basis::OFFERED.map(|basis| PossibleValue::new(basis.name()).help(basis.describe()));
-    PossibleValuesParser::new(shown).try_map(|name| Basis::named(&name).ok_or("not the name of a basis"))
+    let former = |basis: Basis| match basis {
+        Basis::HalfLife2 | Basis::Bent { .. } => None,
+        other => other.name().rsplit_once('-').map(|(kind, _)| kind.to_string()),
+    };
+    let shown = Basis::OFFERED
+        .map(|basis| PossibleValue::new(basis.name()).help(basis.describe()).aliases(former(basis).into_iter()));
+    PossibleValuesParser::new(shown).try_map(move |name| {
+        let mut all = Basis::OFFERED.into_iter();
+        all.find(|b| b.name() == name || former(*b).as_ref() == Some(&name)).ok_or("not the name of a basis")
+    })
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]

@@ -350,7 +350,8 @@ fn same_file(a: &Path, b: &Path) -> bool {
     {
         use std::os::unix::fs::MetadataExt;
         let b = if b == Path::new("-") { Path::new("/dev/stdin") } else { b };
-        matches!((fs::metadata(a), fs::metadata(b)), (Ok(a), Ok(b)) if a.is_file() && (a.dev(), a.ino()) == (b.dev(), b.ino()))
+        let place = |m: &fs::Metadata| (m.dev(), m.ino());
+        matches!((fs::metadata(a), fs::metadata(b)), (Ok(a), Ok(b)) if a.is_file() && place(&a) == place(&b))
     }
     #[cfg(not(unix))]
     {

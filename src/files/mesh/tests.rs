@@ -30,7 +30,8 @@ fn dome_json(keep: &[&str], uri: Option<&str>) -> (String, Vec<u8>, LeafMesh) {
         if keep.contains(&name) {
             views.push(format!(r#"{{"buffer":0,"byteOffset":{},"byteLength":{}}}"#, bytes.len(), data.len() * 4));
             accessors.push(format!(
-                r#"{{"bufferView":{},"componentType":5126,"count":{},"type":"{kind}","min":[-100,-100,-100],"max":[100,100,100]}}"#,
+                r#"{{"bufferView":{},"componentType":5126,"count":{},"type":"{kind}",
+                    "min":[-100,-100,-100],"max":[100,100,100]}}"#,
                 views.len() - 1,
                 data.len() / size
             ));

@@ -92,7 +92,8 @@ impl Channel {
         let factors = [self.rho_s * m, self.rho_d, self.rho_s];
         let sums = dispatch_lanes!(
             level,
-            slope_sums(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3], tilts: usize) -> [[f64; 6]; NONLINEAR]
+            slope_sums(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3],
+                tilts: usize) -> [[f64; 6]; NONLINEAR]
         );
         for k in 0..NONLINEAR {
             for l in 0..=k {
@@ -192,7 +193,8 @@ pub fn weigh(
     w: &mut [f64],
 ) -> f64 {
     let (d, s) = (&columns[D][..], &columns[S][..]);
-    dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64)
+    dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64],
+        w: &mut [f64]) -> f64)
 }
 
 #[inline(always)]
@@ -233,7 +235,8 @@ pub fn weigh_by_samples(
 ) {
     dispatch_lanes!(
         level,
-        sample_lanes(noise: [[f64; 3]; 3], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2])
+        sample_lanes(noise: [[f64; 3]; 3], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3],
+            sum: &mut [Vec<f64>; 2])
     );
 }
 

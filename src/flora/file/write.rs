@@ -45,7 +45,8 @@ pub fn write(plant: &Plant, path: &Path) -> Result<()> {
         let at: Vec<[f32; 1]> = leaves.iter().map(|(at, _)| [*at as f32]).collect();
         let attributes = json!({
             "TRANSLATION": shapes.file.floats("VEC3", &parts.iter().map(|(_, _, t)| narrow(*t)).collect::<Vec<_>>()),
-            "ROTATION": shapes.file.floats("VEC4", &parts.iter().map(|(_, q, _)| q.as_quat().to_array()).collect::<Vec<_>>()),
+            "ROTATION": shapes.file.floats("VEC4",
+                &parts.iter().map(|(_, q, _)| q.as_quat().to_array()).collect::<Vec<_>>()),
             "SCALE": shapes.file.floats("VEC3", &parts.iter().map(|(s, _, _)| narrow(*s)).collect::<Vec<_>>()),
             "_AT": shapes.file.floats("SCALAR", &at),
         });
@@ -186,9 +187,11 @@ pub(super) fn placed(local: DMat4) -> Value {
 fn mesh(file: &mut Glb, name: &str, mesh: &LeafMesh, material: usize) -> Value {
     let attributes = json!({
         "POSITION": file.floats("VEC3", &mesh.positions.iter().map(|p| narrow(*p)).collect::<Vec<_>>()),
-        "NORMAL": file.floats("VEC3", &mesh.normals.iter().map(|n| n.as_vec3().normalize().to_array()).collect::<Vec<_>>()),
+        "NORMAL": file.floats("VEC3",
+            &mesh.normals.iter().map(|n| n.as_vec3().normalize().to_array()).collect::<Vec<_>>()),
         "TEXCOORD_0": file.floats("VEC2", &mesh.uvs.iter().map(|t| t.as_vec2().to_array()).collect::<Vec<_>>()),
     });
     let indices = file.indices(&mesh.indices);
-    json!({"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material, "mode": 4}]})
+    json!({"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material,
+        "mode": 4}]})
 }

@@ -137,7 +137,8 @@ fn branches_of_a_grown_tree_are_found() {
     let [there, right] = judge(&known, &found);
     let unattached = found.branches.iter().filter(|b| b.unattached.is_some()).count();
     println!(
-        "{} of {} branches, {:.2} % there, {:.2} % of the parents right, {unattached} unattached, {} leaves of {}, {} others",
+        "{} of {} branches, {:.2} % there, {:.2} % of the parents right, {unattached} unattached, {} leaves of {}, {} \
+         others",
         found.branches.len(),
         known.len(),
         100.0 * there,
@@ -264,7 +265,8 @@ fn branches_of_another_generator_are_found() {
         let found = through_a_file(&walk.meshes, PLAIN);
         let [there, right] = judge(&walk.known, &found);
         println!(
-            "roots {outside} radii out, {sides} sides, bent by {curve}: {:.1} % of {} there, {:.1} % of the parents right",
+            "roots {outside} radii out, {sides} sides, bent by {curve}: {:.1} % of {} there, {:.1} % of the parents \
+             right",
             100.0 * there,
             walk.known.len(),
             100.0 * right
@@ -316,7 +318,8 @@ fn files_that_promise_too_much_are_refused() {
     let nodes: Vec<_> = (0..60).map(|k| if k < 59 { json!({"children": [k + 1, k + 1]}) } else { json!({}) }).collect();
     let shared = told(json!({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes}));
     assert!(shared.contains("nodes[1]: is the child of more than one node"), "{shared}");
-    let sparse = json!({"componentType": 5126, "type": "VEC3", "count": 40_000_000_000u64, "min": [0, 0, 0], "max": [1, 1, 1],
+    let sparse = json!({"componentType": 5126, "type": "VEC3", "count": 40_000_000_000u64, "min": [0, 0, 0],
+        "max": [1, 1, 1],
         "sparse": {"count": 1, "indices": {"bufferView": 0, "componentType": 5123}, "values": {"bufferView": 0}}});
     let sparse =
         told(json!({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],

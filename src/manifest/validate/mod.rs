@@ -165,12 +165,14 @@ max_error = 0.1
             ),
             (
                 "[sun]",
-                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nname = \"b\"\ntaper = 2\n[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nname = \"b\"\n\
+                     taper = 2\n[sun]",
                 "s.toml:15: plant.branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
             ),
             (
                 "[sun]",
-                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nlevel = 1\nfit = \"f\"\n[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nlevel = 1\nfit = \"f\"\n\
+                     [sun]",
                 "s.toml:13: plant.branch.measured: missing; a level has no name that its fit could hold",
             ),
             (

@@ -288,7 +288,8 @@ mod tests {
             lobe in lobes(),
             (zenith_v, zenith_l, turn) in (0.0f64..1.6, 0.0f64..1.6, 0.0f64..6.3),
             by in prop::array::uniform3(0.0f64..0.6),
-            strays in prop::collection::vec((prop::array::uniform3(0.0f64..1.0), prop::array::uniform3(0.0f64..6.3), 0.0f64..1.0), 40),
+            strays in prop::collection::vec((prop::array::uniform3(0.0f64..1.0), prop::array::uniform3(0.0f64..6.3),
+                0.0f64..1.0), 40),
             (m_low, m_more) in (0.02f64..1.5, 0.0f64..1.0),
         ) {
             let view = away(DVec3::Z, zenith_v, 0.0);
@@ -306,7 +307,8 @@ mod tests {
         /// For a cone of one direction and one slope, the bound is the lobe itself, except where G is between its
         /// branches.
         #[test]
-        fn the_bound_of_a_single_direction_is_the_lobe(zenith_v in 0.0f64..1.5, zenith_l in 0.0f64..1.5, turn in 0.0f64..6.3, m in 0.05f64..0.7) {
+        fn the_bound_of_a_single_direction_is_the_lobe(zenith_v in 0.0f64..1.5, zenith_l in 0.0f64..1.5,
+            turn in 0.0f64..6.3, m in 0.05f64..0.7) {
             let (view, sun) = (away(DVec3::Z, zenith_v, 0.0), away(DVec3::Z, zenith_l, turn));
             let cone = Cone { normal: DVec3::Z, view, sun, normal_by: 0.0, view_by: 0.0, sun_by: 0.0 };
             let exact = Lobe::Beckmann.times_cosine(DVec3::Z, view, sun, m);

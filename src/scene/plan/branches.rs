@@ -54,7 +54,8 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
     need.bytes = Some(48 * winds.section_count() as u64);
     plan.need(need);
     if manifest.wind.as_ref().is_some_and(|w| w.simplified) {
-        let why = "the wind is simplified: surfaces are lit as if they had not turned, and lengths are corrected in closed form";
+        let why = "the wind is simplified: surfaces are lit as if they had not turned, and lengths are corrected in \
+            closed form";
         plan.leave_out(LeftOut::new("turns of normals", why, 0, None));
     }
 }

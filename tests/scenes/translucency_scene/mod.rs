@@ -281,7 +281,10 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     asks("curved");
     let told = Manifest::read(&path).unwrap_err().to_string();
     assert!(
-        told.contains("back.toml:7") && told.contains("curved") && told.contains("`half-life-2` or `bent-3`"),
+        told.contains("back.toml:7")
+            && told.contains("curved")
+            && told.contains("`half-life-2`")
+            && told.contains("`bent-3`"),
         "{told}"
     );
 }

@@ -228,7 +228,8 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     //#if SAMPLE_MASK
     // The four standard sample positions, in pixels from the centre. Coverage is then the same as four rays would find.
     var samples = 0u;
-    var offsets = array<vec2f, 4>(vec2f(-0.125, -0.375), vec2f(0.375, -0.125), vec2f(-0.375, 0.125), vec2f(0.125, 0.375));
+    var offsets = array<vec2f, 4>(vec2f(-0.125, -0.375), vec2f(0.375, -0.125), vec2f(-0.375, 0.125), vec2f(0.125,
+        0.375));
     for (var i = 0u; i < 4u; i++) {
         let uv = in.uv + dx * offsets[i].x + dy * offsets[i].y;
         if (textureSampleLevel(mask, map_sampler, uv, 0.0).r >= 0.5) {

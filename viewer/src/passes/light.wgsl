@@ -38,7 +38,8 @@ fn albedo(nv: f32, roughness: f32) -> f32 {
     let i = min(vec2i(p), vec2i(size) - 2);
     let t = p - vec2f(i);
     let low = mix(textureLoad(albedo_table, i, 0).r, textureLoad(albedo_table, i + vec2i(1, 0), 0).r, t.x);
-    let high = mix(textureLoad(albedo_table, i + vec2i(0, 1), 0).r, textureLoad(albedo_table, i + vec2i(1, 1), 0).r, t.x);
+    let high = mix(textureLoad(albedo_table, i + vec2i(0, 1), 0).r, textureLoad(albedo_table, i + vec2i(1, 1), 0).r,
+        t.x);
     return mix(low, high, t.y);
 }
 //#endif
@@ -108,7 +109,8 @@ fn under_tube(surface: Scanned, view: vec3f, world: vec3f) -> vec3f {
     let low = atan((-frame.tube.y - own.y) / distance);
     let high = atan((frame.tube.y - own.y) / distance);
     var across = array<vec2f, 4>(
-        vec2f(-0.861136312, 0.347854845), vec2f(-0.339981044, 0.652145155), vec2f(0.339981044, 0.652145155), vec2f(0.861136312, 0.347854845));
+        vec2f(-0.861136312, 0.347854845), vec2f(-0.339981044, 0.652145155), vec2f(0.339981044, 0.652145155),
+            vec2f(0.861136312, 0.347854845));
     var sum = vec3f(0.0);
     for (var i = 0; i < TUBE_NODES; i++) {
         let phi = mix(low, high, (f32(i) + 0.5) / f32(TUBE_NODES));

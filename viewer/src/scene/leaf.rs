@@ -101,7 +101,8 @@ impl SideMaps {
 
     /// Whether this side has neither a curve nor maps.
     pub fn is_black(&self) -> bool {
-        matches!(&self.interior, Interior::Scalars(curve) if curve.rho_d.is_empty() && curve.rho_t.is_empty() && self.gamma_delta.is_empty())
+        matches!(&self.interior,
+            Interior::Scalars(curve) if curve.rho_d.is_empty() && curve.rho_t.is_empty() && self.gamma_delta.is_empty())
     }
 }
 

@@ -10,7 +10,8 @@
 //! ```text
 //! sun lights the viewed side where l·Ng > 0:   L += E · V · max(0, N·l) · (ρd_viewed/π + f_s)
 //! sun lights the far side where   l·Ng < 0:    L += E · V · max(0, F·l) · ρt_far/π
-//!   … whose translucency was measured:         L += E · V · max(0, f_far(ω)) · ρt_far/π   (or max(0, M_far(ω))/π, a channel each)
+//!   … whose translucency was measured:         L += E · V · max(0, f_far(ω)) · ρt_far/π
+//!                                              (or max(0, M_far(ω))/π, a channel each)
 //! constant sky:                                L += L_sky · (ρd_viewed + ρt_far + ρs · a(N·v, m))
 //! dome L(ω):     L += ρd_viewed/π ∫ L max(0, N·ω) dω + ρt_far/π ∫ L max(0, F·ω) dω + ∫ L f_s max(0, N·ω) dω
 //! ```

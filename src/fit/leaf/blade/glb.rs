@@ -48,9 +48,11 @@ pub fn write(path: &Path, name: &str, blade: &Blade) -> Result<()> {
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": name, "scale": [0.001, 0.001, 0.001]}],
         "meshes": [{"name": name, "primitives": [{
-            "attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3}, "indices": 4, "material": 0, "mode": 4}]}],
+            "attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3}, "indices": 4, "material": 0,
+                "mode": 4}]}],
         "materials": [{"name": name, "doubleSided": true,
-            "pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.35, 0.1, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.5}}],
+            "pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.35, 0.1, 1.0], "metallicFactor": 0.0,
+                "roughnessFactor": 0.5}}],
         "accessors": [positions, vectors(1, "VEC3"), vectors(2, "VEC4"), vectors(3, "VEC2"),
             {"bufferView": 4, "componentType": UNSIGNED_INT, "count": blade.indices.len(), "type": "SCALAR"}],
         "bufferViews": views,

@@ -1,5 +1,5 @@
-//! Answers that are known to be right to 2e-5: the equation is solved on finer and finer nodes until two solutions agree.
-//! Leaves with wide lobes need no such search.
+//! Answers that are known to be right to 2e-5: the equation is solved on finer and finer nodes until two solutions
+//! agree. Leaves with wide lobes need no such search.
 
 use super::{Prepared, Resolution};
 use crate::foliar::{Leaf, Oblateness, Response, Side};

@@ -3,7 +3,7 @@
 //! ```text
 //! cargo run -p mesophyll-window --example leaf -- out.png                  a picture, with times and what was uploaded
 //! cargo run -p mesophyll-window --example leaf -- --window                 the window
-//! cargo run -p mesophyll-window --example leaf -- --window shot.png 3      the window for three frames, and what it showed
+//! cargo run -p mesophyll-window --example leaf -- --window shot.png 3      the window for three frames, drawn
 //! ```
 
 mod made_up;
