@@ -190,7 +190,7 @@ fn in_shade(args: &Args, common: &Common, width: usize, height: usize) -> Result
         }))?;
     } else {
         progress::say(format!(
-            "{}: four photographs of {width}x{height} pixels of {:.3} mm, {texels} on the leaf",
+            "{}: five photographs of {width}x{height} pixels of {:.3} mm, {texels} on the leaf",
             args.out.display(),
             blade.leaf.texel_mm
         ));

@@ -32,26 +32,42 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// A place in the front's picture: the middle of pixel (a, b) of texel `k`.
-    fn pixel(&self, k: usize, a: usize, b: usize) -> [f64; 2] {
-        let [x, y] = [self.origin[0] + k % self.width * self.step + a, self.origin[1] + k / self.width * self.step + b];
-        [x as f64 + 0.5, y as f64 + 0.5]
-    }
-
-    /// The middle of texel `k`.
+    /// The middle of texel `k`, in the front's picture.
     pub fn middle(&self, k: usize) -> [f64; 2] {
-        let [x, y] = self.pixel(k, 0, 0);
-        let half = 0.5 * (self.step as f64 - 1.0);
-        [x + half, y + half]
+        let [x, y] = [self.origin[0] + k % self.width * self.step, self.origin[1] + k / self.width * self.step];
+        [x, y].map(|v| v as f64 + 0.5 * self.step as f64)
     }
 
-    /// The mean of `value` over the pixels of every texel that is asked for.
-    pub fn mean(&self, wanted: &[bool], value: impl Fn([f64; 2]) -> [f64; 3] + Sync) -> Vec<[f64; 3]> {
-        let n = (self.step * self.step) as f64;
+    /// Places each way at which a texel is read in a picture of which a pixel of the front covers `scale` pixels each
+    /// way: no fewer than it has pixels there.
+    fn places(&self, scale: f64) -> usize {
+        self.step.max((self.step as f64 * scale - 1e-9).ceil() as usize)
+    }
+
+    /// How many pixels a side a square has whose mean is as noisy as a texel's, in a picture of which a pixel of the
+    /// front covers `scale` pixels each way and which is weighted linearly between pixels. Two places at the distance d
+    /// then share B(d) of a pixel's variance in each direction, B being the cubic B-spline, which is the triangle's
+    /// correlation with itself.
+    pub fn read(&self, scale: f64) -> f64 {
+        let n = self.places(scale);
+        let apart = self.step as f64 * scale / n as f64;
+        let spline = |d: f64| {
+            if d < 1.0 { 2.0 / 3.0 - d * d + 0.5 * d.powi(3) } else { (2.0 - d).max(0.0).powi(3) / 6.0 }
+        };
+        let pairs = (1..n).map(|k| 2.0 * (n - k) as f64 * spline(k as f64 * apart)).sum::<f64>();
+        (n * n) as f64 / (n as f64 * spline(0.0) + pairs)
+    }
+
+    /// The mean of `value` over every texel that is asked for. `value` takes a place in the front's picture and reads
+    /// another one, of which a pixel of the front covers `scale` pixels each way; every pixel is read.
+    pub fn mean(&self, wanted: &[bool], scale: f64, value: impl Fn([f64; 2]) -> [f64; 3] + Sync) -> Vec<[f64; 3]> {
+        let side = self.places(scale);
+        let (n, each) = ((side * side) as f64, self.step as f64 / side as f64);
         let texel = |k: usize| {
             let mut sum = [0.0; 3];
-            for p in (0..self.step * self.step).map(|s| self.pixel(k, s % self.step, s / self.step)) {
-                let v = value(p);
+            let [x, y] = self.middle(k).map(|v| v - 0.5 * self.step as f64);
+            for s in 0..side * side {
+                let v = value([x + ((s % side) as f64 + 0.5) * each, y + ((s / side) as f64 + 0.5) * each]);
                 (0..3).for_each(|c| sum[c] += v[c] / n);
             }
             sum
@@ -59,19 +75,24 @@ impl Grid {
         (0..wanted.len()).into_par_iter().map(|k| if wanted[k] { texel(k) } else { [f64::NAN; 3] }).collect()
     }
 
-    /// How much sampling between pixels smooths a map away: [`BLUR`] times the map's second differences.
-    pub fn blur(&self, map: &[[f64; 3]], k: usize, c: usize) -> f64 {
+    /// How much a camera's lens and sampling between pixels smooth a map away: [`BLUR`] times the map's second
+    /// differences. `scale` is the size of a pixel of the front in pixels of the picture.
+    pub fn blur(&self, map: &[[f64; 3]], k: usize, c: usize, scale: f64) -> f64 {
         let (w, at) = (self.width, |k: usize| map.get(k).map_or(f64::NAN, |v| v[c]));
         let bend = at(k + 1) + at(k.wrapping_sub(1)) + at(k + w) + at(k.wrapping_sub(w)) - 4.0 * at(k);
-        if bend.is_finite() { BLUR * bend.abs() / (self.step * self.step) as f64 } else { 0.0 }
+        if bend.is_finite() { BLUR * bend.abs() / (self.step as f64 * scale).powi(2) } else { 0.0 }
     }
 
-    /// How much a map changes from one texel to the next, in the steeper of both directions.
+    /// How much a map changes from a texel to its neighbours: the larger step along either axis, both axes together. A
+    /// map that lies askew by a share of a texel shows that share of it. (The difference of the neighbours on both
+    /// sides would not do: it is nothing on a vein.)
     pub fn slope(&self, map: &[[f64; 3]], k: usize, c: usize) -> f64 {
         let (w, at) = (self.width, |k: usize| map.get(k).map_or(f64::NAN, |v| v[c]));
-        let across = 0.5 * (at(k + 1) - at(k.wrapping_sub(1)));
-        let down = 0.5 * (at(k + w) - at(k.wrapping_sub(w)));
-        [across, down].into_iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, v| a.max(v.abs()))
+        let larger = |a: usize, b: usize| {
+            let steps = [at(a) - at(k), at(b) - at(k)];
+            steps.into_iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, v| a.max(v.abs()))
+        };
+        larger(k + 1, k.wrapping_sub(1)).hypot(larger(k + w, k.wrapping_sub(w)))
     }
 }
 
@@ -101,4 +122,34 @@ pub(super) fn grid(folder: &Path, m: &Manifest, mask: &[bool], picture: &Picture
     let origin = low.map(|v| v.saturating_sub(MARGIN * step));
     let [width, height] = [0, 1].map(|a: usize| (high[a] + 1 - origin[a]).div_ceil(step) + MARGIN);
     Ok(Grid { origin, step, width, height })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mesophyll_capture::synth::random::Stream;
+
+    /// White noise in a picture that is further away, as near, and three times as near as the front's, and turned a
+    /// little: means over texels scatter by what a square of [`Grid::read`] pixels does.
+    #[test]
+    fn means_over_texels_are_as_noisy_as_said() {
+        let (w, h) = (900, 900);
+        let mut stream = Stream::new(7, &[1]);
+        let pixels: Vec<[f32; 3]> = (0..w * h).map(|_| [0, 1, 2].map(|_| stream.normal_pair()[0] as f32)).collect();
+        let picture = Picture { path: "noise.exr".into(), width: w, height: h, pixels, highest: (9.0, 1) };
+        for (step, scale) in [(2, 0.5), (1, 1.0), (2, 1.0), (4, 0.9), (2, 3.0)] {
+            let grid = Grid { origin: [8, 8], step, width: 60, height: 60 };
+            let (sin, cos) = 0.07f64.sin_cos();
+            let at = |[x, y]: [f64; 2]| [scale * (cos * x - sin * y) + 60.0, scale * (sin * x + cos * y) + 5.0];
+            let found = grid.mean(&vec![true; 3600], scale, |p| picture.at(at(p)));
+            let values: Vec<f64> = found.iter().flatten().copied().collect();
+            let sd = (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+            println!("step {step}, scale {scale}: {sd:.4}, said {:.4}", 1.0 / grid.read(scale));
+            assert!(
+                (sd * grid.read(scale) - 1.0).abs() < 0.06,
+                "step {step}, scale {scale}: {sd} {}",
+                grid.read(scale)
+            );
+        }
+    }
 }

@@ -56,6 +56,11 @@ pub fn inspect(folder: &Path) -> Inspection {
                     found.warnings.push(format!("{}: {what}", side.name()));
                 }
             }
+            if [&r.front, &r.back].iter().any(|s| s.figures.get("turn_doubtful").is_some_and(|d| *d > 0.0)) {
+                let what = "the outline fits after a large turn as well, and the texture does not say which is \
+                            right; make sure that the leaf lies the same way in all pictures";
+                found.warnings.push(what.into());
+            }
             if !r.scale.by_ticks {
                 found.notes.push("the ticks of the ruler were not seen; its two marks alone give the scale".into());
             }

@@ -9,6 +9,9 @@ use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+/// A mark of the ruler is found to this many pixels, or the marks say nothing.
+const MARK_PX: f64 = 50.0;
+
 /// `capture.toml` of photographs. Unknown fields are errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -118,6 +121,9 @@ pub struct Shade {
 pub struct Table {
     /// The picture with the leaf.
     pub leaf: String,
+    /// The picture with the leaf turned over, so that each side's ρt is seen; optional.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turned: Option<String>,
     /// The picture without the leaf.
     pub bare: String,
     /// The side that faces the camera.
@@ -178,9 +184,21 @@ impl Manifest {
         }
     }
 
-    /// The pictures, in the order front, back, leaf on the table, bare table.
-    pub fn pictures(&self, folder: &Path) -> [PathBuf; 4] {
-        [&self.front.file, &self.back.file, &self.light_table.leaf, &self.light_table.bare].map(|f| folder.join(f))
+    /// The pictures in open shade, front and back.
+    pub fn in_shade(&self, folder: &Path) -> [PathBuf; 2] {
+        [&self.front.file, &self.back.file].map(|f| folder.join(f))
+    }
+
+    /// The pictures' files by field.
+    fn files(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let table = &self.light_table;
+        let always = [
+            ("front.file", self.front.file.as_str()),
+            ("back.file", self.back.file.as_str()),
+            ("light_table.leaf", table.leaf.as_str()),
+            ("light_table.bare", table.bare.as_str()),
+        ];
+        always.into_iter().chain(table.turned.as_deref().map(|file| ("light_table.turned", file)))
     }
 
     /// Content hash of everything that a fit reads.
@@ -188,7 +206,7 @@ impl Manifest {
     /// # Errors
     /// [`Error::Input`] for a picture that cannot be read.
     pub fn hash(&self, folder: &Path) -> Result<String> {
-        let names = ["capture.toml", &self.front.file, &self.back.file, &self.light_table.leaf, &self.light_table.bare];
+        let names: Vec<&str> = ["capture.toml"].into_iter().chain(self.files().map(|(_, file)| file)).collect();
         let hashes = names.iter().map(|n| hash::file(&folder.join(n))).collect::<Result<Vec<String>>>()?;
         Ok(hash::combine(names.into_iter().zip(hashes.iter().map(String::as_str))))
     }
@@ -248,9 +266,20 @@ impl Manifest {
         if !(0.0..=0.95).contains(&self.light_table.reflectance) {
             return bad("light_table.reflectance", &self.light_table.reflectance, "0 to 0.95");
         }
+        for (field, file) in self.files() {
+            let inside = Path::new(file).components().all(|c| matches!(c, std::path::Component::Normal(_)));
+            if file.is_empty() || !inside {
+                return bad(field, &format!("{file:?}"), "a path inside the capture");
+            }
+        }
         let [a, b] = self.ruler.marks_px;
         if !((a[0] - b[0]).hypot(a[1] - b[1]) >= 10.0) {
             return bad("ruler.marks_px", &format!("{:?}", self.ruler.marks_px), "two marks at least 10 pixels apart");
+        }
+        let most = MARK_PX.min(0.1 * (a[0] - b[0]).hypot(a[1] - b[1]));
+        if self.ruler.err_px > most {
+            let expected = format!("at most {MARK_PX} pixels and a tenth of the distance of the marks: {most:.1}");
+            return bad("ruler.err_px", &self.ruler.err_px, &expected);
         }
         if let Some(g) = self.gloss {
             if !g.index.iter().all(|n| (1.0..=2.5).contains(n)) || !(0.0..=1.0).contains(&g.index_err) {

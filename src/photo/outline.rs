@@ -6,6 +6,7 @@ use super::picture::Picture;
 use crate::{Error, Result};
 use mesophyll_capture::dome::noise::quantile;
 use mesophyll_capture::lightbox::{mask_from_transmission, pieces};
+use std::path::Path;
 
 /// How much brighter than the sheet a pixel must be to count as something that lies on it.
 const BRIGHTER: f64 = 1.5;
@@ -13,6 +14,8 @@ const BRIGHTER: f64 = 1.5;
 const SAMPLE: usize = 200_000;
 /// Smallest leaf (pixels).
 const SMALLEST: usize = 400;
+/// Pieces that may be the leaf, the largest first. A ruler may be many times as large as the leaf.
+pub const PIECES: usize = 6;
 
 /// What lies on the sheet in a picture in open shade.
 #[derive(Debug)]
@@ -21,6 +24,8 @@ pub struct Outline {
     pub candidates: Vec<Vec<bool>>,
     /// Whatever is brighter than the sheet.
     pub bright: Vec<bool>,
+    /// Whether a piece that may be the leaf touches the border.
+    pub at_border: bool,
 }
 
 /// A quantile of about [`SAMPLE`] finite values.
@@ -30,15 +35,16 @@ fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> f64 {
 }
 
 /// Finds what may be the leaf in a picture in open shade. Pieces that hold one of the pixels `other` (on the card or
-/// the ruler) are not the leaf.
+/// the ruler) are not the leaf. At most `most` of the largest are looked at more closely.
 ///
 /// What counts is the contrast of a pixel, its brightness over the sheet's in the channel where that is largest. The
 /// sheet's brightness is first the first quintile of the picture, then the light that the sheet shows ([`Light`]). The
-/// edge of the leaf lies halfway, in ratio, between the sheet and the leaf's median.
+/// edge of a piece lies halfway, in ratio, between the sheet and the piece's own median: a white ruler's edge is not
+/// the leaf's.
 ///
 /// # Errors
 /// [`Error::Input`] where nothing stands out, or where the largest piece touches the border.
-pub fn on_sheet(picture: &Picture, other: &[usize]) -> Result<Outline> {
+pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Result<Outline> {
     let (w, h) = (picture.width, picture.height);
     let sheet = [0, 1, 2].map(|c: usize| level(picture.pixels.iter().map(|v| v[c]), w * h, 0.2).max(1e-9));
     // A clipped pixel is brighter than the sheet, one without a reading is not known to be.
@@ -57,37 +63,47 @@ pub fn on_sheet(picture: &Picture, other: &[usize]) -> Result<Outline> {
     if light.is_seen() {
         contrast = against(&|k| light.at([(k % w) as f64 + 0.5, (k / w) as f64 + 0.5]));
     }
-    let mut threshold = BRIGHTER;
-    let mut found = (Vec::new(), Vec::new());
-    for round in 0..2 {
+    // Pieces that hold none of the pixels that are not the leaf's.
+    let free = |threshold: f64| {
         let (label, mut sizes) = pieces(&over(&contrast, threshold), w, h);
         sizes[0] = 0;
         other.iter().for_each(|&k| sizes[label[k] as usize] = 0);
-        let largest = (1..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p)).filter(|&p| sizes[p] >= SMALLEST);
-        let Some(largest) = largest else {
-            let what = "no leaf stands out from the sheet; expected a piece brighter than 1.5 times the sheet";
-            return Err(Error::input(&picture.path, what));
-        };
-        if round == 0 {
-            let leaf = contrast.iter().zip(&label).filter(|(_, l)| **l as usize == largest).map(|(v, _)| *v);
-            threshold = level(leaf, sizes[largest], 0.5).sqrt();
-        }
-        found = (label, sizes);
-    }
-    let (label, sizes) = found;
+        (label, sizes)
+    };
+    let (label, sizes) = free(BRIGHTER);
     let mut order: Vec<usize> = (1..sizes.len()).filter(|&p| sizes[p] >= SMALLEST).collect();
     order.sort_unstable_by_key(|&p| (usize::MAX - sizes[p], p));
-    let largest = order.first().map_or(0, |&p| sizes[p]);
-    let masks = order.iter().filter(|&&p| 4 * sizes[p] >= largest).take(4).map(|&p| {
-        let mask: Vec<bool> = label.iter().map(|l| *l as usize == p).collect();
-        filled(mask, w, h)
-    });
-    let all: Vec<Vec<bool>> = masks.collect();
-    let candidates: Vec<Vec<bool>> = all.into_iter().filter(|m| !touches_border(m, w, h)).collect();
-    if candidates.is_empty() {
-        return Err(border(picture));
+    if order.is_empty() {
+        let what = "no leaf stands out from the sheet; expected a piece brighter than 1.5 times the sheet";
+        return Err(Error::input(&picture.path, what));
     }
-    Ok(Outline { candidates, bright: over(&contrast, threshold.min(BRIGHTER)) })
+    let mut found = Outline { candidates: Vec::new(), bright: Vec::new(), at_border: false };
+    let mut lowest = BRIGHTER;
+    for piece in order.into_iter().take(PIECES) {
+        let on = || (0..w * h).filter(|&k| label[k] as usize == piece);
+        let threshold = level(on().map(|k| contrast[k]), sizes[piece], 0.5).sqrt();
+        let (own, own_sizes) = free(threshold);
+        // The part of the piece that is left, or what it has become.
+        let mut shared = vec![0usize; own_sizes.len()];
+        on().for_each(|k| shared[own[k] as usize] += 1);
+        let part = (1..own_sizes.len()).max_by_key(|&p| (shared[p], usize::MAX - p));
+        let Some(part) = part.filter(|&p| own_sizes[p] >= SMALLEST) else { continue };
+        let mask = filled(own.iter().map(|l| *l as usize == part).collect(), w, h);
+        if touches_border(&mask, w, h) {
+            found.at_border = true;
+        } else {
+            found.candidates.push(mask);
+            lowest = lowest.min(threshold);
+            if found.candidates.len() == most {
+                break;
+            }
+        }
+    }
+    if found.candidates.is_empty() {
+        return Err(border(&picture.path));
+    }
+    found.bright = over(&contrast, lowest);
+    Ok(found)
 }
 
 /// The leaf on the light table: the largest piece that darkens it. `ratio` is the picture with the leaf over the bare
@@ -103,12 +119,13 @@ pub fn on_table(picture: &Picture, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
         return Err(Error::input(&picture.path, "no leaf is seen: nothing is darker than the bare light table"));
     };
     let mask: Vec<bool> = label.iter().map(|l| *l as usize == largest).collect();
-    if touches_border(&mask, w, h) { Err(border(picture)) } else { Ok(mask) }
+    if touches_border(&mask, w, h) { Err(border(&picture.path)) } else { Ok(mask) }
 }
 
-fn border(picture: &Picture) -> Error {
+/// The refusal of a picture whose leaf is not wholly inside.
+pub fn border(path: &Path) -> Error {
     Error::input(
-        &picture.path,
+        path,
         "the leaf, or something beside card and ruler, touches the border of the picture; expected the whole leaf \
          inside, with the sheet or the table all around it",
     )

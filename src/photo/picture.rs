@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// Largest picture that is read (pixels); larger ones can be developed smaller.
 const PIXELS: usize = 120_000_000;
+/// Memory that is in use for a pixel of a picture where it is largest: two pictures, their ratio and masks (measured).
+const BYTES: u64 = 60;
 /// Share of the largest number of an integer file from which a reading counts as clipped.
 const CLIPPED: f32 = 0.998;
 
@@ -101,7 +103,7 @@ fn too_large(path: &Path, width: usize, height: usize) -> Result<()> {
         let expected = format!("at least 16 by 16 and at most {PIXELS} pixels");
         return Err(Error::input(path, format!("found {width}x{height} pixels, expected {expected}")));
     }
-    memory::require(24 * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
+    memory::require(BYTES * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
 }
 
 fn exr(path: &Path) -> Result<(usize, usize, Vec<[f32; 3]>)> {
@@ -120,7 +122,10 @@ fn integers(path: &Path, transfer: Transfer) -> Result<(usize, usize, Vec<[f32; 
     };
     let (width, height) = open()?.into_dimensions().map_err(|e| broken(&e))?;
     too_large(path, width as usize, height as usize)?;
-    let image = open()?.decode().map_err(|e| broken(&e))?;
+    let mut reader = open()?;
+    // The size is allowed and the memory was asked for, so that the decoder's own limit of 512 MiB does not count.
+    reader.no_limits();
+    let image = reader.decode().map_err(|e| broken(&e))?;
     if !matches!(image.color(), image::ColorType::Rgb16 | image::ColorType::Rgba16) {
         let found = format!("found {:?}", image.color());
         return Err(Error::input(path, format!("{found}, expected three colours with 16 bits a channel")));

@@ -11,6 +11,8 @@ use nalgebra::{SMatrix, SVector};
 const BLOCKS: [usize; 2] = [48, 240];
 /// Starting turns a full circle.
 const TURNS: usize = 8;
+/// Turns that differ by more than this (radians) are different ways to lay a leaf.
+const OTHER_TURN: f64 = 0.8;
 
 /// From places in the first picture to places in the second (pixels): p ↦ [a −b; b a] (±(x − x₀), y − y₀) + shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +42,12 @@ impl Motion {
     /// Size of a pixel of the first picture, in pixels of the second.
     pub fn scale(&self) -> f64 {
         self.turn[0].hypot(self.turn[1])
+    }
+
+    /// The angle between two turns (radians, 0 to π).
+    fn turned_from(&self, other: &Motion) -> f64 {
+        let ([a, b], [c, d]) = (self.turn, other.turn);
+        (a * d - b * c).atan2(a * c + b * d).abs()
     }
 
     /// The same between pictures of which `first` and `second` pixels are taken as one.
@@ -73,36 +81,62 @@ pub struct Mask<'a> {
     pub width: usize,
 }
 
-/// The best match of two outlines with or without a mirror image; `None` for an empty mask.
-pub fn register(first: Mask, second: Mask, mirrored: bool) -> Option<Match> {
-    let mut motions: Vec<Motion> = Vec::new();
-    let mut found = None;
-    for (stage, blocks) in BLOCKS.into_iter().enumerate() {
-        let (f, s) = (Cover::of(first, blocks)?, Cover::of(second, blocks)?);
-        if stage == 0 {
-            let size = (s.area / f.area).sqrt();
-            motions = (0..TURNS)
-                .map(|k| {
-                    let (sin, cos) = (std::f64::consts::TAU * k as f64 / TURNS as f64).sin_cos();
-                    Motion { mirrored, centre: f.centre, turn: [size * cos, size * sin], shift: s.centre }
-                })
-                .collect();
-        }
-        let best = motions.iter().map(|m| f.descend(&s, *m)).min_by(|a, b| a.1.total_cmp(&b.1))?;
-        motions = vec![best.0.of_blocks(f.block as f64, s.block as f64)];
-        if stage + 1 < BLOCKS.len() {
-            let (f, s) = (Cover::of(first, BLOCKS[stage + 1])?, Cover::of(second, BLOCKS[stage + 1])?);
-            motions = vec![motions[0].of_blocks(1.0 / f.block as f64, 1.0 / s.block as f64)];
-        } else {
-            found = Some(f.compare(&s, best.0, motions[0]));
-        }
+impl Mask<'_> {
+    /// Whether a place lies on the leaf (pixels).
+    pub fn holds(&self, p: [f64; 2]) -> bool {
+        let [x, y] = p.map(f64::floor);
+        let rows = (self.inside.len() / self.width.max(1)) as f64;
+        x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < rows && self.inside[y as usize * self.width + x as usize]
     }
-    found
 }
 
-/// How much of each block is leaf, smoothed over neighbouring blocks.
+/// Matches of two outlines.
+#[derive(Debug, Clone, Copy)]
+pub struct Matches {
+    /// The best one.
+    pub best: Match,
+    /// The best one of those that turn the leaf by another large angle. It is nearly as good where an outline is
+    /// symmetric.
+    pub rival: Option<Match>,
+}
+
+/// The best matches of two outlines with or without a mirror image; `None` for an empty mask.
+pub fn register(first: Mask, second: Mask, mirrored: bool) -> Option<Matches> {
+    let coarse = (Cover::of(first, BLOCKS[0])?, Cover::of(second, BLOCKS[0])?);
+    let fine = (Cover::of(first, BLOCKS[1])?, Cover::of(second, BLOCKS[1])?);
+    let (f, s) = &coarse;
+    let size = (s.area / f.area).sqrt();
+    let mut ends: Vec<(Motion, f64)> = (0..TURNS)
+        .map(|k| {
+            let (sin, cos) = (std::f64::consts::TAU * k as f64 / TURNS as f64).sin_cos();
+            f.descend(s, Motion { mirrored, centre: f.centre, turn: [size * cos, size * sin], shift: s.centre })
+        })
+        .collect();
+    ends.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let refined = |start: Motion| {
+        let pixels = start.of_blocks(f.block as f64, s.block as f64);
+        let (f, s) = &fine;
+        let start = pixels.of_blocks(1.0 / f.block as f64, 1.0 / s.block as f64);
+        let (end, _) = f.descend(s, start);
+        f.compare(s, end, end.of_blocks(f.block as f64, s.block as f64))
+    };
+    let best = ends.first()?.0;
+    let rival = ends.iter().find(|(m, _)| m.turned_from(&best) > OTHER_TURN).map(|(m, _)| refined(*m));
+    let best = refined(best);
+    // Fine blocks may see what coarse ones did not.
+    Some(match rival {
+        Some(rival) if rival.overlap > best.overlap => Matches { best: rival, rival: Some(best) },
+        _ => Matches { best, rival },
+    })
+}
+
+/// How much of each block is leaf, smoothed over neighbouring blocks. Blocks cover the leaf and half its length around
+/// it, not the picture, which may be hundreds of times as large. Places are counted in blocks from the picture's
+/// corner.
 struct Cover {
     block: usize,
+    /// The first block's place.
+    origin: [i64; 2],
     width: usize,
     height: usize,
     values: Vec<f64>,
@@ -122,17 +156,22 @@ impl Cover {
             return None;
         }
         let block = ((right - left).max(bottom - top) / blocks).max(1);
-        let (width, height) = (w.div_ceil(block), (mask.inside.len() / w).div_ceil(block));
+        let pad = blocks / 2;
+        let origin = [left, top].map(|v| (v / block) as i64 - pad as i64);
+        let [width, height] = [(left, right), (top, bottom)].map(|(a, b)| b / block - a / block + 1 + 2 * pad);
         let mut values = vec![0.0; width * height];
         let each = 1.0 / (block * block) as f64;
-        on().for_each(|(i, j)| values[j / block * width + i / block] += each);
+        on().for_each(|(i, j)| {
+            let [i, j] = [(i / block, 0), (j / block, 1)].map(|(v, a)| (v as i64 - origin[a]) as usize);
+            values[j * width + i] += each;
+        });
         let area: f64 = values.iter().sum();
+        let mut cover = Cover { block, origin, width, height, values, area, centre: [0.0; 2] };
         let mut centre = [0.0; 2];
-        for (k, v) in values.iter().enumerate() {
-            centre[0] += v * ((k % width) as f64 + 0.5) / area;
-            centre[1] += v * ((k / width) as f64 + 0.5) / area;
+        for (k, p) in cover.places() {
+            (0..2).for_each(|a| centre[a] += cover.values[k] * p[a] / area);
         }
-        let mut cover = Cover { block, width, height, values, area, centre };
+        cover.centre = centre;
         (0..2).for_each(|_| cover.smooth());
         Some(cover)
     }
@@ -149,7 +188,7 @@ impl Cover {
 
     /// The value and its slopes between blocks' centres; 0 outside.
     fn at(&self, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {
-        let (x, y) = (x - 0.5, y - 0.5);
+        let (x, y) = (x - self.origin[0] as f64 - 0.5, y - self.origin[1] as f64 - 0.5);
         if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
             return (0.0, [0.0; 2]);
         }
@@ -163,7 +202,8 @@ impl Cover {
 
     /// Blocks on or near the leaf, with their places.
     fn places(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
-        (0..self.values.len()).map(|k| (k, [(k % self.width) as f64 + 0.5, (k / self.width) as f64 + 0.5]))
+        let [x, y] = self.origin.map(|v| v as f64 + 0.5);
+        (0..self.values.len()).map(move |k| (k, [(k % self.width) as f64 + x, (k / self.width) as f64 + y]))
     }
 
     /// Gauss–Newton steps from `motion`; the motion and the sum of squares where they end.
@@ -240,7 +280,7 @@ mod tests {
                 .map(|[x, y]| shape(x, y))
                 .collect();
             let [a, b] = [Mask { inside: &first, width: w }, Mask { inside: &second, width: w2 }];
-            let found = register(a, b, mirrored).unwrap();
+            let found = register(a, b, mirrored).unwrap().best;
             assert!(found.overlap > 0.98, "{found:?}");
             for p in [[118.0, 97.0], [60.0, 100.0], [150.0, 60.0]] {
                 let q = found.motion.at(p);
@@ -248,7 +288,34 @@ mod tests {
                 let off = (home[0] - (p[0] - 118.0)).hypot(home[1] - (p[1] - 97.0));
                 assert!(off < 0.1, "{p:?} is off by {off}");
             }
-            assert!(register(a, b, !mirrored).unwrap().overlap < found.overlap - 0.05);
+            assert!(register(a, b, !mirrored).unwrap().best.overlap < found.overlap - 0.05);
         }
+    }
+
+    /// A leaf of 60 pixels in a picture of 25 million: blocks cover the leaf, and it is found as in a small picture.
+    #[test]
+    fn a_small_leaf_in_a_large_picture_takes_few_blocks() {
+        let shape = |x: f64, y: f64| {
+            let (r, a) = (x.hypot(y), y.atan2(x));
+            r < 30.0 + 7.0 * a.cos() + 4.0 * (2.0 * a + 0.7).sin()
+        };
+        let (w, h) = (5000, 5000);
+        let drawn = |w: usize, h: usize, x0: f64, y0: f64| -> Vec<bool> {
+            let mut inside = vec![false; w * h];
+            for (i, j) in (0..120).flat_map(|j| (0..120).map(move |i| (i, j))) {
+                let [x, y] = [i as f64 - 59.5, j as f64 - 59.5];
+                let at = (y0 + y).floor() * w as f64 + (x0 + x).floor();
+                inside[at as usize] = shape(x, y);
+            }
+            inside
+        };
+        let first = drawn(w, h, 4020.5, 3100.5);
+        let second = drawn(200, 160, 100.5, 80.5);
+        let [a, b] = [Mask { inside: &first, width: w }, Mask { inside: &second, width: 200 }];
+        let cover = Cover::of(a, BLOCKS[1]).unwrap();
+        assert!(cover.values.len() < 500 * 500, "{}", cover.values.len());
+        let found = register(a, b, false).unwrap().best;
+        let q = found.motion.at([4030.5, 3090.5]);
+        assert!((q[0] - 110.5).hypot(q[1] - 70.5) < 0.1 && found.overlap > 0.99, "{q:?} {found:?}");
     }
 }

@@ -3,8 +3,8 @@
 use super::grid::Grid;
 use super::light::Light;
 use super::manifest::{Manifest, Shade};
+use super::noise::Noise;
 use super::picture::Picture;
-use super::reduced::Noise;
 use super::register::{Match, Motion};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -15,6 +15,9 @@ use std::path::Path;
 const SLOPES: f64 = 0.01;
 /// A card that is this many times brighter or darker than stated is something else.
 const WRONG: f64 = 2.5;
+/// Cells each way that the card is cut into. How much their means differ says how well the mean of all is known,
+/// whatever makes them differ: noise that neighbours share, the card's grain, or light that the sheet does not show.
+const CELLS: usize = 4;
 
 /// A side in open shade, before anything is subtracted.
 pub(super) struct Lit {
@@ -22,8 +25,12 @@ pub(super) struct Lit {
     pub value: Vec<[f64; 3]>,
     /// Its standard error from noise and from the place in the picture.
     pub error: Vec<[f64; 3]>,
+    /// The part of that which is noise.
+    pub noise: Vec<[f64; 3]>,
     /// Relative standard error of card and light.
     pub alike: f64,
+    /// Relative standard error of the card's reading, a channel.
+    pub card_reading: [f64; 3],
     /// What was found on the way, by name.
     pub figures: BTreeMap<&'static str, f64>,
 }
@@ -48,22 +55,6 @@ pub(super) fn card_pixels(folder: &Path, picture: &Picture, shade: &Shade, field
     Ok((top..top + height).flat_map(|j| (left..left + width).map(move |i| j * picture.width + i)).collect())
 }
 
-/// The stated noise, or that of the differences of neighbours on the card, all taken as the photons'.
-pub(super) fn noise(m: &Manifest, picture: &Picture, card: &[usize]) -> Noise {
-    if m.noise_photon.is_some() || m.noise_read.is_some() {
-        return Noise { photon: m.noise_photon.unwrap_or(0.0), read: m.noise_read.unwrap_or(0.0), stated: true };
-    }
-    let pairs = card.windows(2).filter(|p| p[1] == p[0] + 1);
-    let (mut squares, mut level) = (0.0, 0.0);
-    for (a, b) in pairs.map(|p| (picture.pixels[p[0]], picture.pixels[p[1]])) {
-        for (a, b) in a.into_iter().zip(b).filter(|(a, b)| a.is_finite() && b.is_finite()) {
-            squares += 0.5 * f64::from(a - b).powi(2);
-            level += 0.5 * f64::from(a + b);
-        }
-    }
-    Noise { photon: if level > 0.0 { squares / level } else { 0.0 }, read: 0.0, stated: false }
-}
-
 /// One side's reflectance against the card, gloss included.
 pub(super) fn lit(
     folder: &Path,
@@ -74,27 +65,19 @@ pub(super) fn lit(
     grid: &Grid,
     mask: &[bool],
     found: Option<&Match>,
-    noise: Noise,
+    noise: &Noise,
     name: &str,
 ) -> Result<Lit> {
     let light = Light::on_sheet(picture, bright);
     let w = picture.width;
     let middle = |k: usize| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5];
-    let mut sums = [[0.0; 2]; 3];
-    for &k in card {
-        let by = light.at(middle(k));
-        for c in 0..3 {
-            let v = f64::from(picture.pixels[k][c]) / by[c];
-            sums[c][0] += v;
-            sums[c][1] += v * v;
-        }
-    }
-    let n = card.len() as f64;
-    let level = sums.map(|s| s[0] / n);
-    let grain = sums.map(|s| (s[1] / n - (s[0] / n).powi(2)).max(0.0).sqrt());
+    let shade = if name == "front" { &m.front } else { &m.back };
+    let Card { level, grain, reading_err } = read_card(picture, shade.card, card, &light);
+    let on_card = light.at(middle(card[card.len() / 2]));
     for c in 0..3 {
-        // Noise alone, and a twentieth of the level for grain.
-        let expected = (noise.variance(level[c]) + (0.05 * level[c]).powi(2)).sqrt();
+        // Noise of one pixel, and a twentieth of the level for grain.
+        let unit = on_card[c].max(1e-12);
+        let expected = (noise.of_mean(c, level[c] * unit, 1.0).sqrt() / unit).hypot(0.05 * level[c]);
         if !(level[c] > 0.0 && grain[c] < 2.0 * expected) {
             let found = format!("a rectangle with readings of {:.4} ± {:.4}", level[c], grain[c]);
             return Err(Manifest::wrong(
@@ -114,21 +97,29 @@ pub(super) fn lit(
     }
     let motion = found.map_or(Motion::NONE, |f| f.motion);
     let factor = level.map(|l| m.card.reflectance / l);
-    let value = grid.mean(mask, |p| {
+    let size = motion.scale();
+    let value = grid.mean(mask, size, |p| {
         let at = motion.at(p);
         let (v, by) = (picture.at(at), light.at(at));
         [0, 1, 2].map(|c: usize| v[c] / by[c] * factor[c])
     });
-    let pixels = (grid.step as f64 * motion.scale()).powi(2).max(1.0);
-    let apart = found.map_or(0.0, |f| f.apart_px) / grid.step as f64;
-    let error = (0..value.len())
+    // Texels of the front are whole pixels.
+    let side = if found.is_some() { grid.read(size) } else { grid.step as f64 };
+    let noise: Vec<[f64; 3]> = (0..value.len())
         .map(|k| {
             let by = light.at(motion.at(grid.middle(k)));
             [0, 1, 2].map(|c: usize| {
                 let unit = factor[c] / by[c];
-                let noise = (noise.variance(value[k][c] / unit) / pixels).sqrt() * unit;
-                let blur = if found.is_some() { grid.blur(&value, k, c) } else { 0.0 };
-                noise.hypot(apart * grid.slope(&value, k, c)).hypot(blur)
+                noise.of_mean(c, value[k][c] / unit, side).sqrt() * unit
+            })
+        })
+        .collect();
+    let apart = found.map_or(0.0, |f| f.apart_px) / grid.step as f64;
+    let error = (0..value.len())
+        .map(|k| {
+            [0, 1, 2].map(|c: usize| {
+                let blur = if found.is_some() { grid.blur(&value, k, c, size) } else { 0.0 };
+                noise[k][c].hypot(apart * grid.slope(&value, k, c)).hypot(blur)
             })
         })
         .collect();
@@ -144,6 +135,42 @@ pub(super) fn lit(
         ("light_blocks", light.blocks as f64),
         ("card_relative_err", card_err),
         ("card_reading", level[1]),
+        ("card_reading_relative_err", reading_err[1]),
+        ("slopes_relative_err", SLOPES),
     ]);
-    Ok(Lit { value, error, alike: card_err.hypot(light_err).hypot(SLOPES), figures })
+    let alike = card_err.hypot(light_err).hypot(SLOPES);
+    Ok(Lit { value, error, noise, alike, card_reading: reading_err, figures })
+}
+
+/// What the card shows, a channel: its level over the light, the standard deviation of a pixel, and the relative
+/// standard error of the level.
+struct Card {
+    level: [f64; 3],
+    grain: [f64; 3],
+    reading_err: [f64; 3],
+}
+
+fn read_card(picture: &Picture, [left, top, width, height]: [usize; 4], card: &[usize], light: &Light) -> Card {
+    let w = picture.width;
+    let mut cells = [[[0.0; 2]; CELLS * CELLS]; 3];
+    let mut squares = [0.0; 3];
+    for &k in card {
+        let (i, j) = (k % w, k / w);
+        let by = light.at([i as f64 + 0.5, j as f64 + 0.5]);
+        let cell = (j - top) * CELLS / height * CELLS + (i - left) * CELLS / width;
+        for c in 0..3 {
+            let v = f64::from(picture.pixels[k][c]) / by[c];
+            cells[c][cell] = [cells[c][cell][0] + v, cells[c][cell][1] + 1.0];
+            squares[c] += v * v;
+        }
+    }
+    let n = card.len() as f64;
+    let level = cells.map(|of| of.iter().map(|s| s[0]).sum::<f64>() / n);
+    let grain = [0, 1, 2].map(|c: usize| (squares[c] / n - level[c].powi(2)).max(0.0).sqrt());
+    let count = (CELLS * CELLS) as f64;
+    let reading_err = [0, 1, 2].map(|c: usize| {
+        let off = cells[c].iter().map(|s| (s[0] / s[1] / level[c] - 1.0).powi(2)).sum::<f64>();
+        (off / (count - 1.0) / count).sqrt()
+    });
+    Card { level, grain, reading_err }
 }

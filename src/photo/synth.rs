@@ -7,9 +7,9 @@
 //! moved for every other picture: turned, shifted and raised. What a capture states (card, sheet, table, thickness,
 //! marks) differs from the truth by errors of the stated size.
 
+use super::leaf_light::{both_round, on_table, shaded};
 use super::manifest::{Gloss, Manifest, Ruler, Shade, Stated, Table, Transfer};
 use crate::{Error, Result};
-use mesophyll_capture::dome::smooth::{Kernel, smooth};
 use mesophyll_capture::dome::synth::{Blade, index_of, truth};
 use mesophyll_capture::kind::Kind;
 use mesophyll_capture::synth::preview;
@@ -18,7 +18,7 @@ use mesophyll_capture::synth::scan::stop_if_asked;
 use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -55,6 +55,8 @@ const TABLE: [f64; 2] = [0.35, 0.05];
 const CALIPER_MM: f64 = 0.003;
 /// Width of the smoothing of the light that a leaf throws back onto the table (mm, standard deviation).
 const SPREAD_MM: f64 = 1.5;
+/// The table's brightness in the pictures with the leaf, over that in the bare picture.
+const DRIFT: [f64; 2] = [0.97, 1.02];
 /// Levels of the camera's converter.
 const LEVELS: f64 = 16_383.0;
 
@@ -160,36 +162,18 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     let slips = [0, 1, 2, 3].map(|_| true_value([0.0, 1.0]));
     let cover: [Vec<f64>; 2] =
         [Side::Front, Side::Back].map(|s| leaf.mask_of(s).iter().map(|m| f64::from(u8::from(*m))).collect());
-    // Reflectance of a side as the camera sees it, without what comes from behind.
-    let bare = [0, 1].map(|s: usize| {
-        let shown = &blade.shown[s];
-        shown.albedo.iter().zip(&shown.highlight).map(|(d, g)| d.map(|d| f64::from(d + g))).collect::<Vec<_>>()
-    });
-    let shade = [0, 1].map(|s: usize| {
-        let light = bare[s].iter().zip(&blade.shown[s].transmittance).zip(&cover[s]).map(|((r, t), on)| {
-            [0, 1, 2].map(|c: usize| {
-                let t = f64::from(t[c]);
-                on * (r[c] + sheet * t * t / (1.0 - sheet * r[c]))
-            })
-        });
-        Plate { light: light.collect(), cover: cover[s].clone(), width: w }
-    });
-    // The front is up on the table; the underside throws light back, which spreads before it returns.
-    let kernel = Kernel::gaussian(SPREAD_MM / leaf.texel_mm);
-    let everywhere = vec![1.0; w * h];
-    let below = [0, 1, 2].map(|c: usize| {
-        let under: Vec<f64> = bare[1].iter().zip(&cover[1]).map(|(r, on)| r[c] * on).collect();
-        smooth(&mirror(&under, w), &everywhere, w, &kernel)
-    });
-    let light = blade.shown[0]
-        .transmittance
-        .iter()
-        .zip(&cover[0])
-        .enumerate()
-        .map(|(k, (t, on))| [0, 1, 2].map(|c: usize| on * f64::from(t[c]) / (1.0 - table * below[c][k])));
-    let through = Plate { light: light.collect(), cover: cover[0].clone(), width: w };
+    let plates = |[front, back]: [Vec<[f64; 3]>; 2]| {
+        let plate = |light: Vec<[f64; 3]>, cover: &[f64]| Plate {
+            light: light.into_iter().zip(cover).map(|(v, on)| v.map(|v| v * on)).collect(),
+            cover: cover.to_vec(),
+            width: w,
+        };
+        [plate(front, &cover[0]), plate(back, &cover[1])]
+    };
+    let round = both_round(leaf);
+    let (shade, through) = (plates(shaded(blade, &round, sheet)), plates(on_table(blade, &round, table, SPREAD_MM)));
 
-    let poses = [0, 1, 2].map(|place| Pose::moved(options, place));
+    let poses = [0, 1, 2, 4].map(|place| Pose::moved(options, place));
     let pixel_mm = leaf.texel_mm;
     let length_mm = (0.55 * w as f64 * pixel_mm / 10.0).floor().max(1.0) * 10.0;
     let still = |p: [f64; 2]| sheet_with_things(p, [w, h], pixel_mm, card, sheet);
@@ -204,10 +188,12 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
             leaf.map(|l| light * (l + (1.0 - on) * still(q)))
         })?;
     }
-    put("table_leaf.exr", 2, &|p| {
-        let (leaf, on) = through.at(poses[2].sheet(p));
-        leaf.map(|l| lamp(p, [w, h]) * (l + 1.0 - on))
-    })?;
+    for (s, (name, place)) in [("table_leaf.exr", 2), ("table_turned.exr", 4)].into_iter().enumerate() {
+        put(name, place, &|p| {
+            let (leaf, on) = through[s].at(poses[2 + s].sheet(p));
+            leaf.map(|l| DRIFT[s] * lamp(p, [w, h]) * (l + 1.0 - on))
+        })?;
+    }
     put("table_bare.exr", 3, &|p| [lamp(p, [w, h]); 3])?;
     for (s, side) in [Side::Front, Side::Back].into_iter().enumerate() {
         write_exr(&mesophyll_capture::truth_path(folder, side), &truth(blade, side, &blade.shown[s], s), Packing::Zip)?;
@@ -251,6 +237,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         back: Shade { file: "back.exr".into(), card: card_of(&poses[1]) },
         light_table: Table {
             leaf: "table_leaf.exr".into(),
+            turned: Some("table_turned.exr".into()),
             bare: "table_bare.exr".into(),
             up: Side::Front,
             reflectance: TABLE[0],

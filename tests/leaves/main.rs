@@ -12,6 +12,7 @@ mod held_out;
 mod inspect;
 mod leaf_fit;
 mod photo;
+mod photo_input;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod scan_model;

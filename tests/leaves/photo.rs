@@ -2,20 +2,20 @@
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use mesophyll::capture::synth::spec::Spec;
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::leaf::LeafFit;
 use mesophyll::optics::side::Side;
 use mesophyll::optics::slab::exact;
-use mesophyll::photo::{Manifest, picture::Picture, reduce};
+use mesophyll::photo::{Manifest, reduce};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
 /// A noisy capture, made once.
-fn made() -> &'static (tempfile::TempDir, PathBuf) {
+pub(crate) fn made() -> &'static (tempfile::TempDir, PathBuf) {
     static ONCE: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     ONCE.get_or_init(|| {
         let dir = tempfile::tempdir().unwrap();
@@ -27,7 +27,7 @@ fn made() -> &'static (tempfile::TempDir, PathBuf) {
 }
 
 /// What a folder with a change says when it is reduced; empty where nothing is wrong.
-fn changed(change: impl FnOnce(&Path)) -> String {
+pub(crate) fn changed(change: impl FnOnce(&Path)) -> String {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("photo");
     copy_tree(&made().1, &folder);
@@ -36,7 +36,7 @@ fn changed(change: impl FnOnce(&Path)) -> String {
     outcome.err().map_or_else(String::new, |e| e.to_string())
 }
 
-fn toml(folder: &Path, from: &str, to: &str) {
+pub(crate) fn toml(folder: &Path, from: &str, to: &str) {
     let path = folder.join("capture.toml");
     let old = std::fs::read_to_string(&path).unwrap();
     assert!(old.contains(from), "{from} is not in\n{old}");
@@ -44,7 +44,7 @@ fn toml(folder: &Path, from: &str, to: &str) {
 }
 
 /// Rewrites a picture row by row.
-fn rows(folder: &Path, file: &str, change: impl Fn(&mut [f32])) {
+pub(crate) fn rows(folder: &Path, file: &str, change: impl Fn(&mut [f32])) {
     let mut maps = read_exr(&folder.join(file)).unwrap();
     let w = maps.width;
     maps.channels.iter_mut().for_each(|(_, v)| v.chunks_mut(w).for_each(&change));
@@ -81,17 +81,14 @@ fn a_photographed_leaf_is_found_within_its_errors() {
         for name in ["rho_d", "rho_t"] {
             let truth = section.truth[name];
             println!("{} {name}: {truth:?}", side.name());
-            // The front was up on the table. Light that crosses the leaf the other way spreads a little differently, so
-            // the back's ρt is not what was photographed.
-            if (name, side) != ("rho_t", Side::Back) {
-                assert!(truth.coverage95.unwrap() > 0.9, "{} {name}: {truth:?}", side.name());
-            }
+            assert!(truth.coverage95.unwrap() > 0.9, "{} {name}: {truth:?}", side.name());
         }
         let errors = read_exr(&out.join(format!("{}_err.exr", side.name()))).unwrap();
         let open = |name: &str| errors.get(name).unwrap().iter().all(|e| e.is_nan() || e.is_infinite());
         assert!(open("normal.X") && open("rho_s.G") && open("m.Y") && !open("rho_d.G"));
     }
     let said = |name: &str| fit.record.options[name].clone();
+    assert_eq!(said("rho_t"), "seen on the light table: front, back");
     assert!(said("normal").starts_with("undetermined") && said("gloss").starts_with("stated"));
     // A tick is two of these pixels from the next, which is too fine, so the marks alone give the scale.
     let scale_err = fit.section(Side::Front).unwrap().figures["scale_relative_err"];
@@ -109,6 +106,81 @@ fn a_photographed_leaf_is_found_within_its_errors() {
     succeeded(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
     assert_eq!(before, written());
     refused(&run(["fit", "leaf", text(folder), "-o", text(&out), "--gloss", "1.4,0.3"]), 2, &["[gloss]"]);
+}
+
+/// Root mean square of (found − truth − the leaf's mean of that)/error over the good texels of each side, channel by
+/// channel. What all texels share is left out, so it is 1 where the errors of single texels are right. `rho_d` holds
+/// the place-to-place variation of gloss, which the errors bound; `shown` is ρd with gloss, without that part.
+fn scatter(folder: &Path) -> Vec<(String, f64)> {
+    let reduced = reduce(folder, &Manifest::read(folder).unwrap()).unwrap();
+    let mut found = Vec::new();
+    for side in [Side::Front, Side::Back] {
+        let maps = reduced.side(side);
+        let truth = read_exr(&folder.join(format!("truth/{}.exr", side.name()))).unwrap();
+        let plane = |name: &str| truth.get(name).unwrap();
+        let on_texels = |plane: &dyn Fn(usize) -> f64, k: usize| {
+            // The truth has the pixels of the front's picture, mirrored for the back, as the maps are.
+            let (column, row, step) = (k % reduced.width, k / reduced.width, reduced.step);
+            let column = if side == Side::Back { reduced.width - 1 - column } else { column };
+            let mut sum = 0.0;
+            for (i, j) in (0..step).flat_map(|j| (0..step).map(move |i| (i, j))) {
+                let x = reduced.origin[0] + column * step + i;
+                let x = if side == Side::Back { truth.width - 1 - x } else { x };
+                sum += plane((reduced.origin[1] + row * step + j) * truth.width + x);
+            }
+            sum / (step * step) as f64
+        };
+        for name in ["shown", "rho_d", "rho_t"] {
+            for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
+                let (albedo, highlight) = (plane(&format!("albedo.{letter}")), plane("highlight.Y"));
+                let through = plane(&format!("transmittance.{letter}"));
+                let truth = |k: usize| match name {
+                    "shown" => f64::from(albedo[k] + highlight[k]),
+                    "rho_d" => f64::from(albedo[k]),
+                    _ => f64::from(through[k]),
+                };
+                let good = (0..maps.status.len()).filter(|&k| maps.status[k] == 1);
+                let off: Vec<(f64, f64)> = good
+                    .map(|k| {
+                        let by_gloss = 0.1 * maps.gloss.share;
+                        let (value, error) = match name {
+                            "shown" => (maps.rho_d[k][c], (maps.rho_d_err[k][c].powi(2) - by_gloss.powi(2)).sqrt()),
+                            "rho_d" => (maps.rho_d[k][c], maps.rho_d_err[k][c]),
+                            _ => (maps.rho_t[k][c], maps.rho_t_err[k][c]),
+                        };
+                        (value - on_texels(&truth, k), error)
+                    })
+                    .collect();
+                let weight: f64 = off.iter().map(|o| o.1.powi(-2)).sum();
+                let mean = off.iter().map(|o| o.0 * o.1.powi(-2)).sum::<f64>() / weight;
+                let squares: f64 = off.iter().map(|o| ((o.0 - mean) / o.1).powi(2)).sum();
+                found.push((format!("{} {name}.{letter}", side.name()), (squares / off.len() as f64).sqrt()));
+            }
+        }
+    }
+    found
+}
+
+/// Errors of single texels are neither too small nor too large: with every picture, and where the back's ρt is taken
+/// from the front's picture.
+#[test]
+fn errors_of_texels_are_as_large_as_the_scatter() {
+    for (what, line) in [("both sides", ""), ("one side", "turned = \"table_turned.exr\"\n")] {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("photo");
+        copy_tree(&made().1, &folder);
+        toml(&folder, "noise_photon", "texel_mm = 2.0\nnoise_photon");
+        if !line.is_empty() {
+            toml(&folder, line, "");
+        }
+        let found = scatter(&folder);
+        found.iter().for_each(|(name, scatter)| println!("{what}: {name} {scatter:.3}"));
+        for (name, scatter) in found {
+            // Place, blur and gloss are bounds rather than deviations: errors may be some larger than the scatter.
+            let least = if name.contains("rho_d") { 0.3 } else { 0.6 };
+            assert!((least..1.25).contains(&scatter), "{what}: {name} {scatter}");
+        }
+    }
 }
 
 /// What the photographs of open shade and of the table measure is the slab's ρd and ρt: light from the whole
@@ -155,101 +227,101 @@ fn a_range_of_thickness_widens_every_error() {
     assert_eq!(found.undetermined.len(), 3, "{found:?}");
 }
 
-/// Each fault is refused in one sentence that names the file or the field.
+/// Where no gloss is stated, the truth is within what is said; and σ is not called determined with more than that.
 #[test]
-fn bad_pictures_are_refused() {
-    let card = |folder: &Path, to: &str| {
-        let path = folder.join("capture.toml");
-        let old = std::fs::read_to_string(&path).unwrap();
-        let at = old.find("card = [").unwrap();
-        let end = at + old[at..].find('\n').unwrap();
-        std::fs::write(path, format!("{}card = {to}{}", &old[..at], &old[end..])).unwrap();
-    };
-    let cases: Vec<(String, &str, &str)> = vec![
-        (changed(|f| card(f, "[190, 120, 40, 20]")), "front.card", "inside the 200x150"),
-        (changed(|f| card(f, "[2, 125, 40, 18]")), "front.card", "wholly on an even card"),
-        (changed(|f| toml(f, "card]", "cart]")), "capture.toml", "cart"),
-        (changed(|f| toml(f, "full_scale = 1.0", "full_scale = 0.1")), "front.exr", "card's pixels are clipped"),
-        (changed(|f| card(f, "[46, 100, 10, 6]")), "front.card", "times as bright as the sheet"),
-        (changed(|f| rows(f, "back.exr", |r| r.rotate_left(60))), "back.exr", "border"),
-        (changed(|f| rows(f, "table_leaf.exr", |r| r.rotate_left(60))), "table_leaf.exr", "border"),
-        (
-            changed(|f| rows(f, "table_bare.exr", |r| r.iter_mut().for_each(|v| *v *= 1.25))),
-            "table_bare.exr",
-            "light table is clipped",
-        ),
-        (changed(|f| rows(f, "table_leaf.exr", <[f32]>::reverse)), "table_leaf.exr", "wrong way up"),
-        (
-            changed(|f| {
-                let mut maps = read_exr(&f.join("back.exr")).unwrap();
-                maps.channels.iter_mut().for_each(|(_, v)| v[..200 * 105].fill(0.035));
-                write_exr(&f.join("back.exr"), &maps, Packing::Raw).unwrap();
-            }),
-            "back.exr",
-            "",
-        ),
-        (
-            changed(|f| toml(f, "thickness_err_mm", "thickness_range_mm = [0.1, 0.2]\nthickness_err_mm")),
-            "thickness_mm",
-            "either",
-        ),
-        (
-            changed(|f| {
-                let mut maps = read_exr(&f.join("table_leaf.exr")).unwrap();
-                let bare = read_exr(&f.join("table_bare.exr")).unwrap();
-                let half = maps.width / 2;
-                for ((_, v), (_, b)) in maps.channels.iter_mut().zip(&bare.channels) {
-                    (0..v.len()).filter(|k| k % (2 * half) > half).for_each(|k| v[k] = b[k]);
-                }
-                write_exr(&f.join("table_leaf.exr"), &maps, Packing::Raw).unwrap();
-            }),
-            "table_leaf.exr",
-            "overlaps the front's by",
-        ),
-    ];
-    for (said, file, words) in cases {
-        assert!(said.contains(file) && said.contains(words), "{said:?} has no {file:?} or no {words:?}");
-        assert!(!said.contains('\n') || said.contains("cart"), "{said}");
-    }
+fn without_stated_gloss_the_truth_is_within_wider_errors() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("photo");
     copy_tree(&made().1, &folder);
-    std::fs::remove_file(folder.join("back.exr")).unwrap();
-    refused(&run(["fit", "leaf", text(&folder), "-o", text(&dir.path().join("fit"))]), 2, &["back.exr"]);
-    assert!(!dir.path().join("fit").exists());
-}
-
-/// 16-bit PNG and TIFF files hold the same light as EXR files, linear or by the sRGB curve; 8 bits are refused.
-#[test]
-fn developed_pictures_are_read() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut manifest = Manifest::read(&made().1).unwrap();
-    let light = |i: u32, j: u32| [0.9 * i as f32 / 32.0, 0.02 * j as f32, 0.001 * (i + j) as f32];
-    let encode = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    for (name, srgb) in [("a.png", false), ("b.tif", false), ("c.tiff", true)] {
-        let path = dir.path().join(name);
-        let count = |v: f32| ((if srgb { encode(v) } else { v }) * 65535.0).round() as u16;
-        image::ImageBuffer::from_fn(32, 24, |i, j| image::Rgb(light(i, j).map(count))).save(&path).unwrap();
-        manifest.transfer = toml_transfer(srgb);
-        let picture = Picture::read(&path, &manifest).unwrap();
-        for k in 0..32 * 24 {
-            for (found, truth) in picture.pixels[k].into_iter().zip(light(k as u32 % 32, k as u32 / 32)) {
-                // Half a count; the curve is at most 2.4 / 1.055 times as steep.
-                assert!((found - truth).abs() < 1.3 / 65535.0 + 1e-6, "{name} {k}: {found} {truth}");
+    let path = folder.join("capture.toml");
+    let stated = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, &stated[..stated.find("[gloss]").unwrap()]).unwrap();
+    toml(&folder, "noise_photon", "texel_mm = 2.0\nnoise_photon");
+    let out = dir.path().join("fit");
+    succeeded(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
+    let fit = LeafFit::open(&out).unwrap();
+    assert!(fit.record.options["gloss"].starts_with("undetermined"));
+    let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
+    for (side, gloss) in [(Side::Front, spec.front.rho_s), (Side::Back, spec.back.rho_s)] {
+        let section = fit.section(side).unwrap();
+        let [share, err, most] = ["gloss_share", "gloss_stderr", "gloss_at_most"].map(|name| section.figures[name]);
+        println!("{}: gloss {share:.4} ± {err:.4}, at most {most:.4}, truth {gloss}", side.name());
+        assert!(gloss < most && (share - gloss).abs() < 2.0 * err && err < 0.02, "{share} ± {err}");
+        for (name, truth) in [("sigma_a", spec.interior.sigma_a), ("sigma_s", spec.interior.sigma_s)] {
+            let found = &section.params[name];
+            for (c, truth) in truth.into_iter().enumerate() {
+                let (value, error) = (found.value[c], found.stderr[c]);
+                println!("{} {name} {c}: {value:.3} ± {error:.3}, truth {truth}", side.name());
+                assert!((value - truth).abs() < 3.0 * error, "{} {name} {c}", side.name());
             }
         }
+        for name in ["rho_d", "rho_t"] {
+            assert!(section.truth[name].coverage95.unwrap() > 0.9, "{name}: {:?}", section.truth[name]);
+        }
     }
-    let path = dir.path().join("d.png");
-    image::ImageBuffer::from_fn(32, 24, |_, _| image::Rgb([9u8; 3])).save(&path).unwrap();
-    let said = Picture::read(&path, &manifest).unwrap_err().to_string();
-    assert!(said.contains("d.png") && said.contains("16 bits"), "{said}");
-    let mut maps = Maps::new(32, 24);
-    ["R", "G", "B"].iter().for_each(|c| maps.push(*c, vec![f32::NAN; 32 * 24]));
-    write_exr(&dir.path().join("e.exr"), &maps, Packing::Raw).unwrap();
-    assert!(Picture::read(&dir.path().join("e.exr"), &manifest).unwrap_err().to_string().contains("no reading"));
 }
 
-fn toml_transfer(srgb: bool) -> mesophyll::photo::manifest::Transfer {
-    use mesophyll::photo::manifest::Transfer;
-    if srgb { Transfer::Srgb } else { Transfer::Linear }
+/// The table of `docs/photo.md`: leaves of six species and several seeds, each with its own errors of card, sheet,
+/// table, caliper and marks. Pulls are (found − truth)/(stated error); their root mean square over many captures is 1
+/// where errors are right. `MESOPHYLL_SEEDS` is the number of seeds.
+#[test]
+#[ignore = "many minutes: prints the table of docs/photo.md"]
+fn an_ensemble_of_leaves() {
+    let seeds: u64 = std::env::var("MESOPHYLL_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(4);
+    let dir = tempfile::tempdir().unwrap();
+    println!("| leaf | ρt of the back | σa: pull, error | σs: pull, error | ρd within 95 % | ρt of front | of back |");
+    println!("|---|---|---|---|---|---|---|");
+    for name in ["elm", "alpinia", "balata", "omoto", "pelargonium", "prunus"] {
+        let path = format!("data/leaves/{name}.toml");
+        let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(&path)).unwrap();
+        // Sums of squared pulls and of relative errors of σa and σs, and of coverages; with and without the back's
+        // picture.
+        let mut sums = [[[0.0; 4]; 2]; 2];
+        let mut within = [[0.0; 4]; 2];
+        for seed in 1..=seeds {
+            let folder = dir.path().join(format!("{name}-{seed}"));
+            let seed = seed.to_string();
+            let options = ["--acquisition", "photo", "--size", "200x150", "--seed", &seed];
+            succeeded(&run([&["synth", &path, "-o", text(&folder)], &options[..]].concat()));
+            toml(&folder, "noise_photon", "texel_mm = 2.0\nnoise_photon");
+            for one in [0, 1] {
+                if one == 1 {
+                    toml(&folder, "turned = \"table_turned.exr\"\n", "");
+                }
+                let out = dir.path().join(format!("{name}-{seed}-{one}"));
+                succeeded(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
+                let fit = LeafFit::open(&out).unwrap();
+                for (s, side) in [Side::Front, Side::Back].into_iter().enumerate() {
+                    let section = fit.section(side).unwrap();
+                    let truths = [("sigma_a", spec.interior.sigma_a), ("sigma_s", spec.interior.sigma_s)];
+                    for (sum, (name, truth)) in sums[one].iter_mut().zip(truths) {
+                        let found = &section.params[name];
+                        for (c, truth) in truth.into_iter().enumerate().filter(|(c, _)| found.stderr[*c].is_finite()) {
+                            let pull = (found.value[c] - truth) / found.stderr[c];
+                            *sum = [
+                                sum[0] + pull * pull,
+                                sum[1] + found.stderr[c] / truth,
+                                sum[2] + 1.0,
+                                sum[3].max(pull.abs()),
+                            ];
+                        }
+                    }
+                    within[one][s] += section.truth["rho_d"].coverage95.unwrap();
+                    within[one][2 + s] += section.truth["rho_t"].coverage95.unwrap();
+                }
+            }
+        }
+        for one in [0, 1] {
+            let say = |[squares, errors, n, worst]: [f64; 4]| {
+                format!("{:.2} ({worst:.1}), {:.1} %", (squares / n).sqrt(), 100.0 * errors / n)
+            };
+            let [front, back, t_front, t_back] = within[one].map(|w| 100.0 * w / seeds as f64);
+            println!(
+                "| {name} | {} | {} | {} | {front:.1}, {back:.1} | {t_front:.1} | {t_back:.1} |",
+                ["seen", "the front's"][one],
+                say(sums[one][0]),
+                say(sums[one][1])
+            );
+        }
+    }
 }

@@ -17,7 +17,7 @@ pub mod preview;
 pub mod random;
 pub mod scan;
 pub(crate) mod sensor;
-pub(crate) mod slab_truth;
+pub mod slab_truth;
 pub mod spec;
 mod spec_checks;
 pub(crate) mod veins;

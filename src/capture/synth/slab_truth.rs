@@ -17,7 +17,9 @@ const SINGLE: f64 = 1e-12;
 /// Share of a collimated beam that comes back (ρd) and that goes through (ρt, the unscattered part included).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
+    /// Share that comes back.
     pub rho_d: f64,
+    /// Share that goes through.
     pub rho_t: f64,
 }
 
@@ -158,6 +160,7 @@ pub struct Table {
 /// Chebyshev interpolation in one variable.
 #[derive(Debug, Clone)]
 pub struct Axis {
+    /// The nodes.
     pub nodes: Vec<f64>,
     weights: Vec<f64>,
 }
@@ -204,6 +207,7 @@ impl Table {
         Table { absorption, thickness, values }
     }
 
+    /// The response at an absorption (1/mm) and a thickness (mm) within the ranges.
     pub fn at(&self, sigma_a: f64, thickness_mm: f64) -> Response {
         let (wa, wh) = (self.absorption.at(sigma_a.ln()), self.thickness.at(thickness_mm.ln()));
         let mut sum = [0.0; 2];

@@ -20,7 +20,7 @@ pub mod sides;
 pub(crate) mod slabmaps;
 pub mod texels;
 mod truth;
-mod undetermined;
+pub(crate) mod undetermined;
 pub mod wide;
 
 use crate::gloss::{Device, TexelFitter};

@@ -11,6 +11,7 @@ use crate::leaf::interior::start;
 use crate::leaf::outliers;
 use crate::leaf::sides::{Estimates, widen};
 use crate::leaf::slabmaps::{Inverter, Sigma};
+use crate::leaf::undetermined;
 use crate::leaf::wide::{self, Common, Settings, Texel, Wide};
 use crate::{Error, Result};
 use mesophyll_optics::defect::Defect;
@@ -94,14 +95,13 @@ fn fit(folder: &Path, force: bool, maker: &mut Maker) -> Result<Outcome> {
 /// The interior of one side.
 fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -> Result<Fitted> {
     let seen = reduced.side(side);
-    let (rho_t, rho_t_err) = (reduced.seen(&reduced.rho_t, side), reduced.seen(&reduced.rho_t_err, side));
-    let [h, _] = manifest.thickness();
+    let [h, h_err] = manifest.thickness();
     let mut status = seen.status.clone();
     let texel = |k: usize| Texel {
         rho_d: seen.rho_d[k].map(|d| d.max(0.0)),
         rho_d_err: seen.rho_d_err[k],
-        rho_t: rho_t[k],
-        rho_t_floor: rho_t_err[k].map(|e| e.max(1e-9)),
+        rho_t: seen.rho_t[k],
+        rho_t_floor: seen.rho_t_err[k].map(|e| e.max(1e-9)),
         covariance: [0.0; 3],
     };
     let gather = |status: &[i16]| {
@@ -119,10 +119,15 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
         return Err(none(&status));
     }
     let mean = |texels: &[Texel], c: usize| texels.iter().map(|t| t.rho_d[c]).sum::<f64>() / texels.len() as f64;
+    // Errors of ρd that no average takes away, relative to its mean: the stated ones, and what cutting at zero lifts it
+    // by.
+    let common = |texels: &[Texel]| {
+        let lifted = undetermined::common(texels, seen.alike);
+        let own = [0, 1, 2].map(|c: usize| (seen.shared[c] / mean(texels, c).max(1e-12)).hypot(lifted.own[c]).min(1e3));
+        Common { own, ..lifted }
+    };
     let solve = |texels: &[Texel]| {
-        // Errors of ρd that no average takes away, relative to its mean.
-        let own = [0, 1, 2].map(|c: usize| (seen.shared[c] / mean(texels, c).max(1e-12)).min(1e3));
-        let common = Common { shared: seen.alike, own };
+        let common = common(texels);
         let settings = Settings { h, incidence: Incidence(1.0), relative: 0.0, robust: true, iterations: 80, common };
         wide::fit(texels, &[], start(texels, h), &settings)
     };
@@ -144,12 +149,31 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
             let (x, local) = (&texels[k], &wide.locals[k]);
             [0, 1, 2].map(|c: usize| {
                 let error = [x.rho_d_err[c], x.rho_t_floor[c]];
-                inverter.invert_fitted(x.rho_d[c], x.rho_t[c], local.thickness, error, 0.0, local, c)
+                let own = inverter.invert_fitted(x.rho_d[c], x.rho_t[c], local.thickness, error, 0.0, local, c);
+                // What all texels share moves this one as well. It does not move its thickness, whose mean is stated.
+                let shared = [seen.shared[c].hypot(seen.alike * x.rho_d[c]), seen.rho_t_shared[c] * x.rho_t[c]];
+                let shared = inverter.invert(x.rho_d[c], x.rho_t[c], local.thickness, shared);
+                let error = [0, 1].map(|q: usize| {
+                    let error = own.error[q].hypot(shared.error[q]).hypot(own.value[q] * h_err / h);
+                    if error.is_nan() { f64::INFINITY } else { error }
+                });
+                Sigma { error, ..own }
             })
         })
         .collect();
     let own = |q: usize| [0, 1, 2].map(|c: usize| wide.covariance[(2 * c + q, 2 * c + q)].sqrt());
-    let relative = [own(0), own(1)];
+    let mut relative = [own(0), own(1)];
+    for c in (0..3).filter(|&c| undetermined::opaque(&texels, c, |x, c| x.rho_t_floor[c])) {
+        // All that came through in this channel may be noise. Then the curvature where the fit stopped says nothing
+        // about thicker slabs, and the mean texel's slab is the best estimate there is.
+        relative.iter_mut().for_each(|r| r[c] = f64::INFINITY);
+        let found = undetermined::mean_texel(&texels, c, h, |x, c| x.rho_t_floor[c], &common(&texels));
+        for (value, estimate) in [(&mut wide.sigma_a[c], found.sigma_a), (&mut wide.sigma_s[c], found.sigma_s)] {
+            if estimate.is_finite() {
+                *value = estimate;
+            }
+        }
+    }
     Ok(Fitted { side, status, at, texels, wide, relative, sigma })
 }
 
@@ -171,7 +195,7 @@ fn share(manifest: &Manifest, reduced: &Reduced, sides: &mut [Fitted; 2], record
             let (d, t) = (mean(&|x| x.rho_d[c]), mean(&|x| x.rho_t[c]));
             let moved = |t: f64| inverse::invert(d, t, h, 1e-4, 1e-4);
             // Half the difference between a ρt that is one common error too high and one that is too low.
-            let step = reduced.rho_t_shared[c].min(0.5);
+            let step = reduced.side(side.side).rho_t_shared[c].min(0.5);
             let (up, down) = (moved(t * (1.0 + step)), moved(t * (1.0 - step)));
             for (q, [u, v]) in [[up.sigma_a, down.sigma_a], [up.sigma_s, down.sigma_s]].into_iter().enumerate() {
                 let by_table = 0.5 * (u / v).ln().abs();
@@ -181,3 +205,6 @@ fn share(manifest: &Manifest, reduced: &Reduced, sides: &mut [Fitted; 2], record
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

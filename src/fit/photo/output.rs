@@ -10,7 +10,7 @@ use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{BLADE, File, fill, previews};
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::slab::inverse;
 use mesophyll_photo::{Manifest, Reduced};
 use mesophyll_record::{FitRecord, Param, Residuals, Section};
@@ -46,7 +46,7 @@ pub fn write(
     // Open shade shows no normals, so the blade is flat.
     let flat = vec![Some([0.0; 2]); grid.width * grid.height];
     let through: Vec<[f32; 3]> =
-        reduced.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
+        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
     if let Some(blade) = mesh::build(&grid, &reduced.mask, Some(&through), &flat) {
         glb::write(&out.join(BLADE), &manifest.name, &blade)?;
         let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];
@@ -83,8 +83,15 @@ fn describe(manifest: &Manifest, reduced: &Reduced, record: &mut FitRecord) {
         "scale",
         format!("{:.6} mm a pixel ± {:.2} % by {by}", reduced.scale.pixel_mm, 100.0 * reduced.scale.relative_err),
     );
-    let estimated = if reduced.noise.stated { "" } else { " (estimated on the card)" };
-    say("noise", format!("variance {:.3e} v + {:.3e}{estimated}", reduced.noise.photon, reduced.noise.read.powi(2)));
+    let [r, g, b] = reduced.noise.photon;
+    let photon = if reduced.noise.stated { format!("{g:.3e}") } else { format!("({r:.3e}, {g:.3e}, {b:.3e})") };
+    let measured = if reduced.noise.stated { "" } else { " (red, green, blue; measured on the card)" };
+    say(
+        "noise",
+        format!("variance of the mean of n pixels: ({photon} v + {:.3e})/n{measured}", reduced.noise.read.powi(2)),
+    );
+    let seen = [Side::Front, Side::Back].into_iter().filter(|s| reduced.side(*s).rho_t_seen).map(Side::name);
+    say("rho_t", format!("seen on the light table: {}", seen.collect::<Vec<_>>().join(", ")));
     say("lobe", "Beckmann".into());
     say(
         "filled",
@@ -129,7 +136,7 @@ fn maps(manifest: &Manifest, grid: &Grid, reduced: &Reduced, fitted: &Fitted) ->
         add(Quantity::Normal, i, &|_| value, &|_| f64::INFINITY);
     }
     for c in 0..3 {
-        let error = |k: usize| texels[k].rho_t_floor[c].hypot(reduced.rho_t_shared[c] * texels[k].rho_t[c]);
+        let error = |k: usize| texels[k].rho_t_floor[c].hypot(side.rho_t_shared[c] * texels[k].rho_t[c]);
         add(Quantity::RhoT, c, &|k| texels[k].rho_t[c], &error);
     }
     for (q, quantity) in [Quantity::SigmaA, Quantity::SigmaS].into_iter().enumerate() {
@@ -208,9 +215,9 @@ fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
     s.rank = Some(wide.rank);
     let side = reduced.side(fitted.side);
     s.figures = side.figures.iter().map(|(n, v)| (n.to_string(), *v)).collect();
-    s.figures.insert("rho_d_relative_err_shared".into(), side.alike);
     for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
-        s.figures.insert(format!("rho_t_relative_err_shared.{letter}"), reduced.rho_t_shared[c]);
+        s.figures.insert(format!("rho_d_err_shared.{letter}"), side.shared[c]);
+        s.figures.insert(format!("rho_t_relative_err_shared.{letter}"), side.rho_t_shared[c]);
     }
     s
 }
@@ -236,7 +243,8 @@ fn truth(folder: &Path, reduced: &Reduced, side: Side) -> Result<Option<Maps>> {
             sum / (step * step) as f32
         };
         let front: Vec<f32> = (0..reduced.width * reduced.height).map(mean).collect();
-        maps.push(name.clone(), reduced.seen(&front, side));
+        let seen = if side == Side::Back { mirror(&front, reduced.width) } else { front };
+        maps.push(name.clone(), seen);
     }
     Ok(Some(maps))
 }
