@@ -6,6 +6,7 @@ mod assembled;
 #[path = "../common/mod.rs"]
 mod common;
 mod export;
+mod look_closer;
 mod panorama;
 mod plants;
 mod render;
