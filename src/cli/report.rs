@@ -12,7 +12,11 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   mesophyll report fits/elm -o elm.html       how good is this fit?
   mesophyll report fits/elm out/elm2          two fits, compared
-  mesophyll report out/demo --json            the same rows for a program")]
+  mesophyll report out/demo --json            the same rows for a program
+
+In the HTML file, maps and pictures zoom and pan, a slider wipes between a picture and its
+reference, and the values of the maps stand under the pointer. Everything works with the keyboard
+too. The file is smaller than 5 MB where it can be; what it leaves out for that, it says.")]
 pub struct Args {
     /// Fit folders (two or more are compared with the first), or the folder of a run
     #[arg(required = true, value_name = "DIR")]

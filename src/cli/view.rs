@@ -7,7 +7,9 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  mesophyll view data/scenes/glossy-sky.toml\n  mesophyll view data/scenes/demo.toml \
-     --out out/demo    with the fits of that run"
+     --out out/demo    with the fits of that run\n\nThe window changes leaves, branches and lights, with undo (Ctrl+Z) and \
+     redo (Ctrl+Shift+Z), presets and\ntyped numbers; compares a kept state (A) with the present one (B) and a picture \
+     with its\nreference; and shows a histogram and false colours. docs/window.md says more."
 )]
 pub struct Args {
     /// Scene to open
@@ -16,6 +18,9 @@ pub struct Args {
     /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
+    /// Environment map that is seen behind the scene and lights nothing: an EXR, twice as wide as high, zenith on top
+    #[arg(long, value_name = "FILE.exr")]
+    background: Option<PathBuf>,
     /// Close after this many frames
     #[arg(long, value_name = "N")]
     frames: Option<u32>,
@@ -32,6 +37,8 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use mesophyll_manifest::{Manifest, ViewKind};
     use mesophyll_placed::{Placed, fits::missing, leaf::Search, ledger::Ledger};
     use mesophyll_scene::{draw::handover, loaded::Scene, window::edit::SceneEditor};
+    use mesophyll_transport::environment::Environment;
+    use mesophyll_viewer::scene::Backdrop;
     use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
     let manifest = Manifest::read(&args.scene)?;
@@ -76,6 +83,12 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     let mut scene = handover::shown(&planned, &ledger)?;
     if let (Some(wind), Some(time_s)) = (&mut scene.wind, first.time_s) {
         wind.time_s = time_s;
+    }
+    if let Some(file) = &args.background {
+        let map = Environment::read(file)?;
+        let (width, height, texels) = map.texels();
+        let texels = std::sync::Arc::new(texels.to_vec());
+        scene.backdrop = Some(Backdrop { width: width as u32, height: height as u32, texels });
     }
     let window = WindowScene {
         title: manifest.name.clone(),

@@ -4,6 +4,7 @@
 use crate::model::{Level, Picture, Reason};
 use crate::number::significant;
 use crate::scene::picture;
+use crate::size::Detail;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
@@ -35,13 +36,13 @@ pub struct CaptureRow {
 }
 
 /// The rows of a `check.json`; what was skipped, in sentences.
-pub fn read(folder: &Path, json: &Value, pictures: bool) -> (Vec<CaptureRow>, Vec<String>) {
+pub fn read(folder: &Path, json: &Value, pictures: Option<Detail>) -> (Vec<CaptureRow>, Vec<String>) {
     let list = |key: &str| json.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     let skipped = list("skipped").iter().filter_map(|s| s.as_str().map(str::to_string)).collect();
     (list("captures").iter().map(|c| row(folder, c, pictures)).collect(), skipped)
 }
 
-fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
+fn row(folder: &Path, json: &Value, pictures: Option<Detail>) -> CaptureRow {
     let text = |key: &str| json.get(key).and_then(Value::as_str).unwrap_or_default().to_string();
     let of = |who: &str, key: &str| json.get(who).and_then(|v| v.get(key)).and_then(Value::as_f64);
     let whole = |key: &str| json.get(key).and_then(Value::as_u64);
@@ -54,7 +55,10 @@ fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
     ];
     let find = |(key, caption): (&str, &str)| {
         let file = json.get(key).and_then(Value::as_str)?;
-        Some((caption.to_string(), picture(folder, Some(file), &name, &[], &format!("{name}: {caption}"))?))
+        Some((
+            caption.to_string(),
+            picture(folder, Some(file), &name, &[], &format!("{name}: {caption}"), pictures?.aside)?,
+        ))
     };
     CaptureRow {
         leaf: text("leaf"),
@@ -78,7 +82,7 @@ fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
             .flatten()
             .filter_map(|w| w.as_str().map(str::to_string))
             .collect(),
-        pictures: if pictures { shown.into_iter().filter_map(find).collect() } else { Vec::new() },
+        pictures: shown.into_iter().filter_map(find).collect(),
         name,
     }
 }

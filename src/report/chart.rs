@@ -75,9 +75,9 @@ pub fn histogram(parts: &[(&str, &Histogram)], titles: Titles, marks: &[(f64, &s
         let mut path = format!("M{:.1} {:.1}", plot.x(h.min), plot.y(0.0));
         for (b, d) in density.iter().enumerate() {
             let x0 = h.min + step * b as f64;
-            let _ = write!(path, "L{:.1} {:.1}L{:.1} {:.1}", plot.x(x0), plot.y(*d), plot.x(x0 + step), plot.y(*d));
+            let _ = write!(path, "V{:.1}H{:.1}", plot.y(*d), plot.x(x0 + step));
         }
-        let _ = write!(path, "L{:.1} {:.1}", plot.x(h.max), plot.y(0.0));
+        let _ = write!(path, "V{:.1}", plot.y(0.0));
         let style = if k == 0 { "fill" } else { "line" };
         let _ = write!(out, "<path class=\"{style} c{k}\" d=\"{path}\"/>");
     }

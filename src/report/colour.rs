@@ -1,12 +1,15 @@
 //! False colour: a sequential and a diverging scale with evenly perceived steps, computed in OKLab (Ottosson 2020), and
 //! pictures as indexed PNG inside data URIs.
 
-use crate::model::Picture;
+use crate::model::{Picture, Texels};
+use crate::values::{self, Values};
 use std::sync::OnceLock;
 
-/// 255 colours of a scale; index 255 is left for "no value" (transparent).
+/// 255 colours of a scale.
 pub type Scale = [[u8; 3]; 255];
-const NONE: u8 = 255;
+/// Colours of the coarse picture that stands for a map until the page's script draws its values. Few colours keep it
+/// small.
+const COARSE: usize = 32;
 
 /// Dark violet over teal to yellow. Lightness rises evenly, so the scale also works in grey and for colour-blind eyes.
 pub(crate) fn sequential() -> &'static Scale {
@@ -70,37 +73,52 @@ pub struct Frame {
     pub height: usize,
     /// Largest width of the picture; larger maps are averaged over squares of texels.
     pub max_width: usize,
+    /// Texels that are averaged along each direction even where the map is not too wide.
+    pub least_step: usize,
+    /// Which values are kept beside the picture: every so-manyth texel and row, and their significant digits.
+    pub kept: (usize, u32),
 }
 
 impl Frame {
     /// Texels averaged into a pixel, along each direction.
     pub fn step(&self) -> usize {
-        self.width.div_ceil(self.max_width.max(1)).max(1)
+        self.width.div_ceil(self.max_width.max(1)).max(self.least_step).max(1)
     }
 
     fn size(&self) -> (usize, usize) {
         (self.width.div_ceil(self.step()), self.height.div_ceil(self.step()))
     }
+
+    fn texels(&self) -> Texels {
+        Texels { columns: self.width, rows: self.height, step: self.step() }
+    }
 }
 
-/// A map in false colour over [min, max]; samples without a value, or where `shown` is false, are transparent.
+/// A map in false colour over [min, max], with its values in `unit`; samples without a value are transparent. `signed`
+/// takes the diverging scale.
 pub(crate) fn false_colour(
     frame: Frame,
-    scale: &Scale,
+    signed: bool,
     (min, max): (f64, f64),
+    unit: &str,
     value: impl Fn(usize) -> f32,
     alt: String,
 ) -> Option<Picture> {
     let (w, h) = frame.size();
-    let mut indices = vec![NONE; w * h];
+    let mut indices = vec![0; w * h];
     for (y, row) in indices.chunks_exact_mut(w.max(1)).enumerate() {
         for (x, out) in row.iter_mut().enumerate() {
             if let Some(v) = averaged(frame, x, y, &value) {
-                *out = (((v - min) / (max - min) * 254.0).round().clamp(0.0, 254.0)) as u8;
+                let most = (COARSE - 1) as f64;
+                *out = 1 + ((v - min) / (max - min) * most).round().clamp(0.0, most) as u8;
             }
         }
     }
-    indexed_png(w, h, &indices, scale, alt)
+    let scale = if signed { diverging() } else { sequential() };
+    let values = values::pack((frame.width, frame.height), frame.kept, unit, value);
+    let values = values.map(|v| Values { range: [min, max], signed, ..v });
+    let palette: [[u8; 3]; COARSE] = std::array::from_fn(|k| scale[k * 254 / (COARSE - 1)]);
+    Some(Picture { values, ..indexed_png((w, h), frame.texels(), &indices, &palette, alt)? })
 }
 
 /// Categories: `code(i)` is an index into `colours`, `None` is transparent. Categories are never averaged: a pixel
@@ -113,7 +131,7 @@ pub(crate) fn categories(
 ) -> Option<Picture> {
     let (w, h) = frame.size();
     let step = frame.step();
-    let mut indices = vec![NONE; w * h];
+    let mut indices = vec![0; w * h];
     for y in 0..h {
         for x in 0..w {
             let mut found = None;
@@ -123,15 +141,11 @@ pub(crate) fn categories(
                 }
             }
             if let Some(k) = found {
-                indices[y * w + x] = k.min(254) as u8;
+                indices[y * w + x] = 1 + k.min(254) as u8;
             }
         }
     }
-    let mut scale = [[0; 3]; 255];
-    for (slot, c) in scale.iter_mut().zip(colours) {
-        *slot = *c;
-    }
-    indexed_png(w, h, &indices, &scale, alt)
+    indexed_png((w, h), frame.texels(), &indices, colours, alt)
 }
 
 fn averaged(frame: Frame, x: usize, y: usize, value: &impl Fn(usize) -> f32) -> Option<f64> {
@@ -177,32 +191,40 @@ pub fn photograph(
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_compression(png::Compression::Balanced);
     encoder.write_header().ok()?.write_image_data(&pixels).ok()?;
-    Some(Picture { uri: data_uri("image/png", &bytes), width: w, height: h, alt })
+    let uri = data_uri("image/png", &bytes);
+    Some(Picture { uri, width: w, height: h, alt, texels: frame.texels(), values: None })
 }
 
-/// 8-bit indexed PNG as a data URI; `None` when there is nothing to show.
-fn indexed_png(width: usize, height: usize, indices: &[u8], scale: &Scale, alt: String) -> Option<Picture> {
-    let mut palette: Vec<u8> = scale.iter().flatten().copied().collect();
-    palette.extend([0; 3]);
-    let mut transparency = vec![255; 255];
-    transparency.push(0);
+/// Indexed PNG as a data URI. Index 0 is transparent, the palette holds the colours from 1 on. `None` when there is
+/// nothing to show.
+fn indexed_png(
+    (width, height): (usize, usize),
+    texels: Texels,
+    indices: &[u8],
+    palette: &[[u8; 3]],
+    alt: String,
+) -> Option<Picture> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_palette(palette);
-    encoder.set_trns(transparency);
+    encoder.set_palette([&[[0; 3]], palette].concat().into_flattened());
+    encoder.set_trns(vec![0]);
     encoder.set_compression(png::Compression::Balanced);
     encoder.set_filter(png::Filter::NoFilter);
     encoder.write_header().ok()?.write_image_data(indices).ok()?;
-    Some(Picture { uri: data_uri("image/png", &bytes), width, height, alt })
+    Some(Picture { uri: data_uri("image/png", &bytes), width, height, alt, texels, values: None })
 }
 
-/// `data:…;base64,…` (RFC 4648).
+/// `data:…;base64,…`.
 pub(crate) fn data_uri(mime: &str, bytes: &[u8]) -> String {
+    format!("data:{mime};base64,{}", base64(bytes))
+}
+
+/// Bytes as text (RFC 4648).
+pub(crate) fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = format!("data:{mime};base64,");
-    out.reserve(bytes.len().div_ceil(3) * 4);
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {
         let word = chunk.iter().enumerate().fold(0u32, |w, (k, b)| w | u32::from(*b) << (16 - 8 * k));
         for k in 0..4 {
@@ -210,6 +232,11 @@ pub(crate) fn data_uri(mime: &str, bytes: &[u8]) -> String {
         }
     }
     out
+}
+
+/// All colours of a scale, six hexadecimal digits each.
+pub(crate) fn listed(scale: &Scale) -> String {
+    scale.iter().map(|[r, g, b]| format!("{r:02x}{g:02x}{b:02x}")).collect()
 }
 
 /// `#rrggbb` of a scale at `t` ∈ [0, 1].
@@ -272,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_single_defect_survives_shrinking() {
-        let frame = Frame { width: 100, height: 10, max_width: 10 };
+        let frame = Frame { width: 100, height: 10, max_width: 10, least_step: 1, kept: (1, 3) };
         let with = categories(frame, &[[0; 3], [255, 0, 0]], |i| Some(usize::from(i == 555)), String::new()).unwrap();
         let without = categories(frame, &[[0; 3], [255, 0, 0]], |_| Some(0), String::new()).unwrap();
         assert_eq!((with.width, with.height), (10, 1));

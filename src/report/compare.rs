@@ -7,6 +7,7 @@ use crate::model::{
 };
 use crate::number::{percent, significant};
 use crate::quantity::{self, channel_word, known};
+use crate::size::Detail;
 use crate::stats::{quantile, sorted};
 use crate::view;
 use mesophyll_files::quantity::split;
@@ -93,7 +94,7 @@ fn sentence(rows: &[ParameterDifference]) -> String {
 }
 
 /// Adds a side's maps to a comparison; sides of different size are only noted.
-pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
+pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: Option<Detail>) {
     let (wa, ha, wb, hb) = (a.fit.width, a.fit.height, b.fit.width, b.fit.height);
     if (wa, ha) != (wb, hb) {
         out.notes.push(format!("{}: maps of {wa} × {ha} and {wb} × {hb} texels are not compared", a.section));
@@ -136,10 +137,9 @@ pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
             p99_absolute: quantile(&sizes, 0.99),
             beyond95,
         });
-        if !pictures || matches!(letter, "R" | "B") {
-            continue;
-        }
-        let frame = Frame { width: wa, height: ha, max_width: 360 };
+        let Some(detail) = pictures.filter(|_| !matches!(letter, "R" | "B")) else { continue };
+        let kept = (detail.others, detail.digits);
+        let frame = Frame { width: wa, height: ha, max_width: detail.thumb, least_step: 1, kept };
         let words = format!("{} {} {}", a.section, quantity::symbol(name), channel_word(letter));
         let mut caption = format!("{}, {} − {}", words.trim(), out.second, out.first);
         if let Some(share) = beyond95 {

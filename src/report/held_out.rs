@@ -6,6 +6,7 @@ use crate::colour::{self, Frame};
 use crate::maps::{WIDE, colour_bar_of};
 use crate::model::{Captioned, Level};
 use crate::number::{count, percent, significant};
+use crate::size::Detail;
 use crate::stats::{quantile, sorted};
 use mesophyll_fit::leaf::held_out::{self, BAD, GOOD, KeptFrame};
 use mesophyll_optics::side::Side;
@@ -56,7 +57,7 @@ pub enum Kind {
 }
 
 /// Reads what a leaf fit's folder says; empty for other fits.
-pub fn read(folder: &Path, record: &FitRecord, pictures: bool) -> HeldOutReport {
+pub fn read(folder: &Path, record: &FitRecord, pictures: Option<Detail>) -> HeldOutReport {
     let mut out = HeldOutReport { applies: record.scan.is_some(), ..HeldOutReport::default() };
     for side in [Side::Front, Side::Back] {
         let Some(section) = record.sections.get(side.name()) else { continue };
@@ -110,15 +111,20 @@ pub fn read(folder: &Path, record: &FitRecord, pictures: bool) -> HeldOutReport 
         }
         // The frame that shows the most gloss is the most informative.
         let most = |f: &&KeptFrame| f.measured[1].iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum::<f64>();
-        if let Some(frame) = kept.frames.iter().max_by(|a, b| most(a).total_cmp(&most(b))).filter(|_| pictures) {
-            out.pictures.extend(drawn(side, frame, Frame { width: kept.width, height: kept.height, max_width: WIDE }));
+        let best = kept.frames.iter().max_by(|a, b| most(a).total_cmp(&most(b)));
+        if let (Some(frame), Some(detail)) = (best, pictures) {
+            let (width, height, least_step) = (kept.width, kept.height, detail.aside);
+            let kept = (detail.others, detail.digits);
+            let size = Frame { width, height, max_width: WIDE, least_step, kept };
+            let map = Frame { max_width: detail.thumb, least_step: 1, ..size };
+            out.pictures.extend(drawn(side, frame, size, map));
         }
     }
     out
 }
 
 /// A frame as measured, as predicted, and the difference in units of the noise.
-fn drawn(side: Side, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
+fn drawn(side: Side, frame: &KeptFrame, size: Frame, map: Frame) -> Vec<Captioned> {
     let place = format!("{}, frame {}, tube at {} mm", side.name(), frame.name(), significant(frame.position_mm, 4));
     let shown = |i: usize| frame.predicted[1][i].is_finite();
     let all = frame.measured.iter().flatten().copied();
@@ -130,7 +136,7 @@ fn drawn(side: Side, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
     };
     let caption = format!("{place}: measured less predicted, green, in standard deviations of the noise");
     let range = (-SCALE, SCALE);
-    let residual = colour::false_colour(size, colour::diverging(), range, |i| frame.residual[1][i], caption.clone());
+    let residual = colour::false_colour(map, true, range, "σ", |i| frame.residual[1][i], caption.clone());
     let residual = residual.map(|picture| Captioned { picture, caption, bar: colour_bar_of(true, range, "σ") });
     [
         photograph(&frame.measured, "measured, not seen by the fit"),

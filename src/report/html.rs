@@ -1,11 +1,12 @@
-//! The report as one HTML file: without a script, without anything from the network, in light or dark by the reader's
-//! preference.
+//! The report as one HTML file: without anything from the network, in light or dark by the reader's preference. Its one
+//! script (`page.js`) is for looking closer; without scripts everything but the values under the pointer is shown.
 
 use crate::model::{Comparison, FitReport, Picture, Report, ViewReport};
 use crate::number;
 use crate::quantity::{channel_word, symbol};
+use crate::size::Detail;
 use crate::{Error, Result};
-use crate::{chart, figure, translucency, view};
+use crate::{chart, colour, figure, translucency, view};
 use mesophyll_record::FitKind;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
@@ -21,9 +22,10 @@ const TEMPLATES: [(&str, &str); 7] = [
     ("held_out", include_str!("held_out.html")),
 ];
 const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
 
 /// Renders a report that was read with pictures.
-pub fn render(report: &Report) -> Result<String> {
+pub fn render(report: &Report, detail: &Detail) -> Result<String> {
     let failed = |e: minijinja::Error| Error::Missed(format!("the report's template cannot be filled: {e:#}"));
     let mut env = Environment::new();
     env.set_auto_escape_callback(|_| AutoEscape::Html);
@@ -55,6 +57,9 @@ pub fn render(report: &Report) -> Result<String> {
     let page = env.get_template("page").map_err(failed)?;
     page.render(context! {
         style => Value::from_safe_string(format!("{STYLE}{}", crate::chart::ramps())),
+        script => Value::from_safe_string(SCRIPT.into()),
+        scales => [colour::sequential(), colour::diverging()].map(colour::listed).to_vec(),
+        detail_words => detail.words(),
         title => report.title.clone(),
         program => report.program.clone(),
         verdict => Serde(&report.verdict),

@@ -22,17 +22,21 @@ mod notes;
 pub mod number;
 mod quantity;
 mod read;
+mod repack;
 mod residuals;
 pub mod rows;
 mod scene;
+mod size;
 pub mod sky;
 pub mod spectrum;
 mod stats;
 mod translucency;
+mod values;
 mod verdict;
 mod view;
 
 pub use model::{Level, Report};
+use size::Detail;
 use std::path::{Path, PathBuf};
 
 /// A folder to report: a fit (`fit.toml`), or a run with `check.json`, `plan.json` and fits below it.
@@ -59,31 +63,41 @@ impl ReportSource {
 pub struct Options {
     /// Compares every further fit with the first.
     pub compare: bool,
-    /// Draws pictures (HTML needs them, rows do not).
-    pub pictures: bool,
+    /// How finely pictures are drawn (HTML needs them, rows do not).
+    pub pictures: Option<Detail>,
     /// Heading; the fits' names when absent.
     pub title: Option<String>,
 }
 
 /// Two or more fits that are named one by one are meant to be compared; the fits of a run are not.
-fn defaults(sources: &[ReportSource], pictures: bool) -> Options {
+fn defaults(sources: &[ReportSource], pictures: Option<Detail>) -> Options {
     Options { compare: sources.len() > 1 && sources.iter().all(ReportSource::is_fit), pictures, title: None }
 }
 
-/// Writes one self-contained HTML file.
+/// Writes one self-contained HTML file. Where it would be larger than 5 MB, pictures and values are shown more coarsely,
+/// and the page says so.
 ///
 /// # Errors
 /// [`Error::Input`] for a folder without anything to report or with a broken `fit.toml`, `check.json` or `plan.json`;
 /// [`Error::Write`].
 pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
-    let report = read::read(sources, &defaults(sources, true))?;
-    mesophyll_files::atomic::write_bytes(path, html::render(&report)?.as_bytes())?;
+    let mut level = 0;
+    let (report, page) = loop {
+        let detail = &size::DETAILS[level];
+        let report = read::read(sources, &defaults(sources, Some(*detail)))?;
+        let page = html::render(&report, detail)?;
+        match size::next(level, page.len()) {
+            Some(coarser) => level = coarser,
+            None => break (report, page),
+        }
+    };
+    mesophyll_files::atomic::write_bytes(path, page.as_bytes())?;
     Ok(report)
 }
 
 /// The rows of a report.
 pub fn rows(sources: &[ReportSource]) -> Result<Report> {
-    read::read(sources, &defaults(sources, false))
+    read::read(sources, &defaults(sources, None))
 }
 
 /// The rows as JSON; numbers that are not finite are `null`.

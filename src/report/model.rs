@@ -3,6 +3,7 @@
 use crate::captures::CaptureRow;
 use crate::held_out::HeldOutReport;
 use crate::stats::Summary;
+use crate::values::Values;
 use mesophyll_record::{FitKind, Phase, Residuals, TruthError};
 use mesophyll_solve::TraceRow;
 use serde::Serialize;
@@ -265,6 +266,18 @@ pub struct Picture {
     pub width: usize,
     pub height: usize,
     pub alt: String,
+    /// The map or the larger picture that it shows.
+    pub texels: Texels,
+    /// The map's values, where it is one in false colour.
+    pub values: Option<Values>,
+}
+
+/// Columns and rows of a map, and how many of them are one pixel of its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Texels {
+    pub columns: usize,
+    pub rows: usize,
+    pub step: usize,
 }
 
 /// The pictures of a side.

@@ -151,13 +151,14 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         let Some(mut side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else {
             continue;
         };
+        side.detail = options.pictures.unwrap_or(side.detail);
         notes::add(&mut side, &record, of);
         let mut lacking = Vec::new();
         report.maps.extend(side.rows(&mut lacking));
         if record.kind == FitKind::Leaf {
             report.missing.extend(lacking);
         }
-        if options.pictures {
+        if options.pictures.is_some() {
             report.pictures.push(match record.kind {
                 FitKind::Translucency => translucency::pictures(&side, &record.options),
                 _ => side.pictures(&record.defects),

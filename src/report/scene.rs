@@ -2,7 +2,9 @@
 
 use crate::captures;
 use crate::colour::data_uri;
-use crate::model::{CheckReport, Picture, PlanItem, PlanReport, ViewReport};
+use crate::model::{CheckReport, Picture, PlanItem, PlanReport, Texels, ViewReport};
+use crate::repack::repacked;
+use crate::size::Detail;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use serde_json::Value;
@@ -13,7 +15,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Input`] when the file exists and is not JSON.
-pub(crate) fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> {
+pub(crate) fn read_check(folder: &Path, pictures: Option<Detail>) -> Result<Option<CheckReport>> {
     let Some(json) = read_json(&folder.join("check.json"))? else { return Ok(None) };
     let mut missing = Vec::new();
     let views = json.get("views").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
@@ -30,17 +32,16 @@ pub(crate) fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckRe
     }))
 }
 
-fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut Vec<String>) -> ViewReport {
+fn view(folder: &Path, index: usize, json: &Value, pictures: Option<Detail>, missing: &mut Vec<String>) -> ViewReport {
     let name = json.get("name").map_or_else(|| format!("view {}", index + 1), text);
     let figures: BTreeMap<String, f64> = json
         .as_object()
         .map(|o| o.iter().filter_map(|(k, v)| Some((k.clone(), v.as_f64()?))).collect())
         .unwrap_or_default();
     let mut find = |kind: &str, endings: &[&str]| {
-        if !pictures {
-            return None;
-        }
-        let found = picture(folder, json.get(kind).and_then(Value::as_str), &name, endings, &format!("{name}: {kind}"));
+        let step = if matches!(kind, "flip" | "difference") { pictures?.aside } else { pictures?.shots };
+        let named = json.get(kind).and_then(Value::as_str);
+        let found = picture(folder, named, &name, endings, &format!("{name}: {kind}"), step);
         if found.is_none() {
             missing.push(format!("view {name}: no {kind} picture"));
         }
@@ -52,9 +53,9 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     let flip = find("flip", &["-flip", "_flip", ".flip"]);
     let kind = json.get("kind").map(text).unwrap_or_default();
     let why = json.get("why").and_then(Value::as_array).map(|w| w.iter().map(text).collect()).unwrap_or_default();
-    let true_leaf = json.get("true_leaf").and_then(Value::as_str).filter(|_| pictures);
-    let true_leaf =
-        true_leaf.and_then(|file| picture(folder, Some(file), &name, &[], &format!("{name}: the true leaf")));
+    let true_leaf = json.get("true_leaf").and_then(Value::as_str).zip(pictures);
+    let alt = format!("{name}: the true leaf");
+    let true_leaf = true_leaf.and_then(|(file, detail)| picture(folder, Some(file), &name, &[], &alt, detail.shots));
     ViewReport {
         passed: json.get("passed").and_then(Value::as_bool),
         kind,
@@ -70,7 +71,14 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
 }
 
 /// The PNG that the view names, otherwise `NAME-reference.png` and the like. Names never lead out of the folder.
-pub(super) fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &[&str], alt: &str) -> Option<Picture> {
+pub(super) fn picture(
+    folder: &Path,
+    named: Option<&str>,
+    view: &str,
+    endings: &[&str],
+    alt: &str,
+    step: usize,
+) -> Option<Picture> {
     let inside = |name: &str| {
         let path = Path::new(name);
         path.components().all(|c| matches!(c, std::path::Component::Normal(_))).then(|| folder.join(path))
@@ -81,7 +89,10 @@ pub(super) fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &
         let decoder = png::Decoder::new(std::io::Cursor::new(&bytes));
         let reader = decoder.read_info().ok()?;
         let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-        Some(Picture { uri: data_uri("image/png", &bytes), width, height, alt: alt.into() })
+        let texels = Texels { columns: width, rows: height, step };
+        let uri = data_uri("image/png", &repacked(&bytes, step)?);
+        let [width, height] = [width, height].map(|side| side.div_ceil(step));
+        Some(Picture { uri, width, height, alt: alt.into(), texels, values: None })
     })
 }
 

@@ -3,7 +3,7 @@
 
 use crate::chart::{self, Titles};
 use crate::colour;
-use crate::maps::{BINS, SideMaps, WIDE, colour_bar_of};
+use crate::maps::{BINS, SideMaps, colour_bar_of};
 use crate::model::{Captioned, ChannelPictures, ChartTile, MapPictures, SidePictures};
 use crate::number::{plain, significant};
 use crate::quantity::channel_word;
@@ -82,9 +82,8 @@ fn tile(
     unit: &str,
     caption: String,
 ) -> Option<Captioned> {
-    let scale = if signed { colour::diverging() } else { colour::sequential() };
     let alt = format!("{}: {caption}", side.section);
-    let picture = colour::false_colour(side.frame(WIDE), scale, range, |k| good(side, plane, k), alt)?;
+    let picture = colour::false_colour(side.map(side.detail.fit), signed, range, unit, |k| good(side, plane, k), alt)?;
     Some(Captioned { picture, caption, bar: colour_bar_of(signed, range, unit) })
 }
 
@@ -94,7 +93,7 @@ fn photograph(side: &SideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: String)
         caption.push_str(&format!(", brightened {} times", significant(gain, 2)));
     }
     let alt = format!("{}: {caption}", side.section);
-    let picture = colour::photograph(side.frame(WIDE), rgb, gain as f32, |k| side.good[k], alt)?;
+    let picture = colour::photograph(side.frame(side.detail.aside), rgb, gain as f32, |k| side.good[k], alt)?;
     Some(Captioned { picture, caption, bar: String::new() })
 }
 

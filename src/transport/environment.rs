@@ -72,6 +72,11 @@ impl Environment {
         Environment::new(columns, rows, texels).map_err(|what| Error::input(path, what))
     }
 
+    /// Columns, rows, and the radiance of each texel, row by row.
+    pub fn texels(&self) -> (usize, usize, &[[f32; 3]]) {
+        (self.columns, self.rows, &self.texels)
+    }
+
     /// Radiance from a unit direction.
     pub fn at(&self, d: DVec3) -> [f64; 3] {
         let cell = Cell::of(d, self.columns, self.rows);

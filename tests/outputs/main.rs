@@ -7,6 +7,7 @@ mod canopy;
 #[path = "../common/mod.rs"]
 mod common;
 mod export;
+mod look_closer;
 mod panorama;
 mod plants;
 mod render;

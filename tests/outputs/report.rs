@@ -33,9 +33,12 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
     let (code, stdout, stderr) = mesophyll(&["report", "elm", "run", "-o", "out/r.html"], dir.path());
     assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
     let page = std::fs::read_to_string(dir.path().join("out/r.html")).unwrap();
-    for outside in ["http://", "https://", "<script", "<link", "@import", "url(", "file:"] {
+    for outside in ["http://", "https://", "<link", "@import", "url(", "file:", "fetch(", "import("] {
         assert!(!page.contains(outside), "the page reaches outside: {outside}");
     }
+    // Its one script is written into it, and the page forbids the browser to load anything.
+    assert_eq!((page.matches("<script").count(), page.matches("<script data-plain=").count()), (1, 1));
+    assert!(page.contains("default-src 'none'; img-src data:;"));
     let sources = page.matches("src=\"").count();
     assert!(sources > 40, "{sources} pictures");
     assert_eq!(sources, page.matches("src=\"data:image/png;base64,").count());

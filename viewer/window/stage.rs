@@ -127,7 +127,11 @@ impl Stage {
         match job {
             Job::Check => {
                 let [width, height] = state.check_size();
-                let picture = self.renderer.render(&state.camera(), width, height)?;
+                // The reference knows no backdrop, because it lights nothing.
+                self.renderer.show_backdrop(false);
+                let picture = self.renderer.render(&state.camera(), width, height);
+                self.renderer.show_backdrop(state.backdrop_shown);
+                let picture = picture?;
                 state.finish_check(&self.context, &picture);
             }
             Job::Screenshot => {
@@ -135,8 +139,25 @@ impl Stage {
                 let picture = self.renderer.render(&state.live_camera(), width, height)?;
                 state.finish_screenshot(&picture);
             }
+            Job::Kept => {
+                let Some(kept) = state.kept_state() else { return Ok(()) };
+                let [width, height] = state.picture_size;
+                let now = state.snapshot();
+                state.restore(&kept);
+                self.take_over(state)?;
+                let picture = self.renderer.render(&state.live_camera(), width, height)?;
+                state.restore(&now);
+                state.finish_kept(&self.context, &picture);
+            }
+            Job::Analyse => {
+                // This is the live picture once more, in its own size, so it needs not be drawn again.
+                let [width, height] = state.picture_size;
+                let picture = self.renderer.render(&state.live_camera(), width, height)?;
+                state.finish_analysis(&self.context, picture);
+                return Ok(());
+            }
         }
-        // That picture had another size, so the live one must be drawn again.
+        // That picture had another size or another state, so the live one must be drawn again.
         state.dirty = true;
         Ok(())
     }
@@ -173,6 +194,7 @@ impl Stage {
         if !state.dirty && !state.continuous() {
             return Ok(());
         }
+        self.renderer.show_backdrop(state.backdrop_shown);
         let start = Instant::now();
         let [width, height] = state.live_size();
         let device = self.renderer.gpu().device.clone();

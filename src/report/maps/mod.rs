@@ -6,6 +6,7 @@ use crate::chart;
 use crate::colour::Frame;
 use crate::model::{MapRow, MapTruth};
 use crate::quantity::{self, known};
+use crate::size::{DETAILS, Detail};
 use crate::stats::{Summary, quantile, sorted};
 use mesophyll_files::image::{self, Maps};
 use mesophyll_files::quantity::{Quantity, split};
@@ -15,7 +16,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Largest width of a picture of a single map.
+/// Largest width of a picture of a side.
 pub(super) const WIDE: usize = 720;
 /// Bins of the charts.
 pub(super) const BINS: usize = 60;
@@ -30,6 +31,8 @@ pub struct SideMaps {
     pub good: Vec<bool>,
     /// Remarks on the maps of a quantity, by the quantity's name.
     pub notes: BTreeMap<&'static str, String>,
+    /// How finely the maps are drawn.
+    pub detail: Detail,
     /// Why the intervals of the quantities in [`SHARED`] are not judged by the truth, where that is so.
     pub unjudged: Option<String>,
 }
@@ -75,7 +78,16 @@ pub(crate) fn read_side(
             vec![true; fit.width * fit.height]
         }
     };
-    Some(SideMaps { section: section.into(), fit, errors, truth, good, notes: BTreeMap::new(), unjudged: None })
+    Some(SideMaps {
+        section: section.into(),
+        fit,
+        errors,
+        truth,
+        good,
+        notes: BTreeMap::new(),
+        detail: DETAILS[0],
+        unjudged: None,
+    })
 }
 
 /// Puts the truth of the σ maps, as the fit stored it, in place of the truth's own σa and σs. Without it they are
@@ -229,8 +241,15 @@ impl SideMaps {
         })
     }
 
-    pub(super) fn frame(&self, max_width: usize) -> Frame {
-        Frame { width: self.fit.width, height: self.fit.height, max_width }
+    /// A picture, with a pixel for at least `least_step` × `least_step` texels.
+    pub(super) fn frame(&self, least_step: usize) -> Frame {
+        let (width, height) = (self.fit.width, self.fit.height);
+        Frame { width, height, max_width: WIDE, least_step, kept: (1, self.detail.digits) }
+    }
+
+    /// A map with every `stride`-th value.
+    pub(super) fn map(&self, stride: usize) -> Frame {
+        Frame { max_width: self.detail.thumb, kept: (stride, self.detail.digits), ..self.frame(1) }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The pictures of a side's maps: the fit, the truth where it is known, the difference, and charts of the errors.
 
-use super::{BINS, Channel, SideMaps, WIDE, colour_bar_of};
+use super::{BINS, Channel, SideMaps, colour_bar_of};
 use crate::chart::{self, Titles};
 use crate::colour::{self, Frame};
 use crate::model::{Captioned, ChannelPictures, ChartTile, LegendItem, MapPictures, SidePictures};
@@ -10,9 +10,6 @@ use crate::stats::{Histogram, Summary, quantile, sorted, widen};
 use mesophyll_files::quantity::{Quantity, split};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// Largest width of one of several channels in a row.
-const NARROW: usize = 360;
 
 impl SideMaps {
     /// Everything that is drawn of the side.
@@ -63,7 +60,7 @@ impl SideMaps {
                 caption.push_str(&format!(", brightened {gain:.1} times"));
             }
             if let Some(picture) =
-                colour::photograph(self.frame(WIDE), [r, g, b], gain, |i| self.good[i], caption.clone())
+                colour::photograph(self.frame(self.detail.aside), [r, g, b], gain, |i| self.good[i], caption.clone())
             {
                 out.push(Captioned { picture, caption, bar: String::new() });
             }
@@ -108,7 +105,7 @@ impl SideMaps {
             _ => Some(0),
         };
         let alt = format!("{}: the fate of every texel", self.section);
-        let picture = colour::categories(self.frame(WIDE), &colours, code, alt);
+        let picture = colour::categories(self.frame(1), &colours, code, alt);
         let caption =
             "Which texels are good, and what was wrong with the others. Outside the leaf the picture is empty."
                 .to_string();
@@ -128,7 +125,8 @@ impl SideMaps {
             plain(s.p99),
             plain(s.max)
         );
-        let picture = colour::false_colour(self.frame(WIDE), colour::sequential(), range, shown, caption.clone());
+        let frame = self.map(self.detail.fit);
+        let picture = colour::false_colour(frame, false, range, "", shown, caption.clone());
         let bar = colour_bar_of(false, range, "");
         let histogram = Histogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);
         let titles = Titles {
@@ -144,7 +142,8 @@ impl SideMaps {
         let (name, letter) = split(c.name);
         let signed = known(name).is_some_and(|q| q.signed);
         let unit = known(name).map_or("", |q| q.unit);
-        let frame = self.frame(if matches!(letter, "R" | "B") { NARROW } else { WIDE });
+        let least = if matches!(letter, "R" | "B") { self.detail.colours } else { 1 };
+        let (frame, beside) = (self.map(least.max(self.detail.fit)), self.map(least.max(self.detail.others)));
         let words =
             format!("{} {} {}", self.section, quantity::symbol(name), channel_word(letter)).trim_end().to_string();
         let good = |samples: &'_ [f32], i: usize| if self.good[i] { samples[i] } else { f32::NAN };
@@ -160,17 +159,16 @@ impl SideMaps {
             (low, high) = (-most, most);
         }
         let range = widen(low, high);
-        let scale = if signed { colour::diverging() } else { colour::sequential() };
-        let draw = |samples: &[f32], caption: String| {
+        let draw = |samples: &[f32], frame: Frame, caption: String| {
             let picture =
-                colour::false_colour(frame, scale, range, |i| good(samples, i), format!("{words}: {caption}"))?;
+                colour::false_colour(frame, signed, range, unit, |i| good(samples, i), format!("{words}: {caption}"))?;
             Some(Captioned { picture, caption, bar: colour_bar_of(signed, range, unit) })
         };
-        let mut pictures: Vec<Captioned> = draw(c.fit, "fit".into()).into_iter().collect();
+        let mut pictures: Vec<Captioned> = draw(c.fit, frame, "fit".into()).into_iter().collect();
         if let Some(truth) = c.truth.filter(|_| truth_summary.is_some()) {
-            pictures.extend(draw(truth, "truth".into()));
+            pictures.extend(draw(truth, beside, "truth".into()));
             let difference = |i: usize| if self.good[i] { c.fit[i] - truth[i] } else { f32::NAN };
-            pictures.extend(difference_picture(frame, difference, unit, &words, "fit − truth"));
+            pictures.extend(difference_picture(beside, difference, unit, &words, "fit − truth"));
         }
 
         let symbol = quantity::symbol(name);
@@ -241,6 +239,6 @@ pub fn difference_picture(
     let sizes = sorted((0..frame.width * frame.height).map(&value).map(f32::abs));
     let (_, most) = widen(0.0, quantile(&sizes, 0.99));
     let range = if sizes.is_empty() { return None } else { (-most, most) };
-    let picture = colour::false_colour(frame, colour::diverging(), range, value, format!("{words}: {caption}"))?;
+    let picture = colour::false_colour(frame, true, range, unit, value, format!("{words}: {caption}"))?;
     Some(Captioned { picture, caption: caption.into(), bar: colour_bar_of(true, range, unit) })
 }

@@ -162,6 +162,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         dome,
         scanner: None,
         background: rgb(&manifest.background),
+        backdrop: None,
         exposure: manifest.exposure as f32,
         in_full: false,
         bloom: None,

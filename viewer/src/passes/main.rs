@@ -5,6 +5,7 @@ use crate::dome::{self, MOST_BANDS};
 use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};
 use crate::gpu::Gpu;
 use crate::material::{self, MaterialOnGpu};
+use crate::passes::backdrop::BackdropPass;
 use crate::passes::bend::{self, BendPass};
 use crate::passes::gathered;
 use crate::passes::grass::GrassPass;
@@ -70,6 +71,8 @@ pub(crate) struct Targets<'a> {
     pub background: [f32; 3],
     /// The sky, which replaces the background.
     pub sky: Option<&'a SkyPass>,
+    /// The environment map that is seen in the place of both.
+    pub backdrop: Option<&'a BackdropPass>,
     /// The sections, if any.
     pub bend: Option<&'a BendPass>,
     /// The lawns, if any.
@@ -321,7 +324,9 @@ impl MainPass {
             occlusion_query_set: None,
             multiview_mask: None,
         });
-        if let Some(sky) = targets.sky {
+        if let Some(backdrop) = targets.backdrop {
+            backdrop.draw(&mut pass, stats);
+        } else if let Some(sky) = targets.sky {
             sky.draw(&mut pass, stats);
         }
         pass.set_bind_group(0, &self.group, &[]);

@@ -1,8 +1,10 @@
 //! The render passes. Each has a file, with its WGSL in a file beside it: shadow (only with a sun that casts shadows),
-//! sky (only with a dome), transfer (only where the scene has one, and only when its light changes), main, grass (drawn
-//! within main, only in scenes with grass), bloom (only in scenes that have it), tonemap, and motion (only when a
-//! caller asks for motion vectors). `bend` is shared by shadow, main and motion where branches bend.
+//! sky (only with a dome), backdrop (only with an environment map behind the scene), transfer (only where the scene has
+//! one, and only when its light changes), main, grass (drawn within main, only in scenes with grass), bloom (only in
+//! scenes that have it), tonemap, and motion (only when a caller asks for motion vectors). `bend` is shared by shadow,
+//! main and motion where branches bend.
 
+pub(crate) mod backdrop;
 pub(crate) mod bend;
 pub(crate) mod bloom;
 pub(crate) mod fullscreen;

@@ -11,6 +11,7 @@ use crate::geometry::{Batch, Extents, MeshOnGpu, parallel_projection, view_proje
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
+use crate::passes::backdrop::BackdropPass;
 use crate::passes::bend::BendPass;
 use crate::passes::bloom::BloomPass;
 use crate::passes::grass::{Aim, GrassPass};
@@ -41,6 +42,8 @@ pub struct Renderer {
     tonemap: TonemapPass,
     loaded: Option<Loaded>,
     targets: Option<TargetSet>,
+    /// Whether a scene's backdrop is seen.
+    backdrop_shown: bool,
     stats: Stats,
 }
 
@@ -53,6 +56,7 @@ struct Loaded {
     main: MainPass,
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
+    backdrop: Option<BackdropPass>,
     bloom: Option<BloomPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
@@ -99,6 +103,7 @@ impl Renderer {
             tonemap: TonemapPass::new(&gpu),
             loaded: None,
             targets: None,
+            backdrop_shown: true,
             stats: Stats::default(),
             gpu,
         }
@@ -107,6 +112,11 @@ impl Renderer {
     /// The adapter that draws.
     pub fn adapter(&self) -> &AdapterInfo {
         &self.gpu.info
+    }
+
+    /// Shows or hides the scene's backdrop in the pictures that follow.
+    pub fn show_backdrop(&mut self, shown: bool) {
+        self.backdrop_shown = shown;
     }
 
     /// What was created, uploaded and drawn.
@@ -154,6 +164,7 @@ impl Renderer {
         let transfer = TransferPass::new(&self.gpu, scene, &mut stats);
         let main = MainPass::new(&self.gpu, scene, shadow.as_ref(), transfer.as_ref(), &mut stats);
         let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
+        let backdrop = scene.backdrop.as_ref().map(|b| BackdropPass::new(&self.gpu, b, scene.msaa, &mut stats));
         let grass = GrassPass::new(&self.gpu, scene, &mut stats);
         let bloom = scene.bloom.map(|share| BloomPass::new(&self.gpu, scene.msaa, share, &mut stats));
         if let Err(error) = guard.finish(&self.gpu) {
@@ -169,6 +180,7 @@ impl Renderer {
             main,
             shadow,
             seen_sky,
+            backdrop,
             bloom,
             grass,
             bend,
@@ -282,6 +294,9 @@ impl Renderer {
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {
             sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
         }
+        if let Some(backdrop) = &loaded.backdrop {
+            backdrop.aim(&self.gpu, camera, [width, height]);
+        }
         if let Some(grass) = &loaded.grass {
             let (sun, dome) = (loaded.sun.as_ref(), loaded.dome.as_ref());
             grass.aim(&self.gpu, Aim { camera, size: [width, height], sun, dome });
@@ -310,6 +325,7 @@ impl Renderer {
                 depth: &targets.depth,
                 background: loaded.background,
                 sky: loaded.seen_sky.as_ref(),
+                backdrop: loaded.backdrop.as_ref().filter(|_| self.backdrop_shown),
                 bend: loaded.bend.as_ref(),
                 grass: loaded.grass.as_ref(),
             },

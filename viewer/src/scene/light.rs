@@ -2,6 +2,7 @@
 //! by way of other surfaces.
 
 use glam::Vec3;
+use std::sync::Arc;
 
 /// How light from all around arrives at the anchors of every instance, between and by way of other surfaces (Wang et
 /// al. 2005, §4). Each row of entries is summed over the columns of the light. Direct light from the sun's disk is not
@@ -56,6 +57,18 @@ impl Anchors {
         let each: u32 = (first_level..self.levels).map(|l| self.level(l).iter().product::<u32>()).sum();
         (self.pieces() * each) as usize
     }
+}
+
+/// A picture of everything around. Row 0 is at the zenith, column 0 is towards +x, and azimuth turns towards +y. Texel
+/// (i, j) has its centre at azimuth (i + ½)·360°/width and zenith angle (j + ½)·180°/height.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Backdrop {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Radiance, row by row.
+    pub texels: Arc<Vec<[f32; 3]>>,
 }
 
 /// The sun as a disk.

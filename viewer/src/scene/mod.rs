@@ -64,7 +64,7 @@ mod motion;
 pub use crate::grass::{GRASS_STEPS, Grass, GrassGusts, GrassHill, GrassLevel, GrassSheet, GrassTable, MOST_SLICES};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 pub use leaf::{Coefficients, HALF_LIFE_2, Interior, Leaf, SideMaps, SlabCurve, Translucency};
-pub use light::{Anchors, Dome, Scanner, Sun, Transfer};
+pub use light::{Anchors, Backdrop, Dome, Scanner, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
@@ -92,6 +92,9 @@ pub struct Scene {
     pub scanner: Option<Scanner>,
     /// Radiance where nothing is drawn.
     pub background: [f32; 3],
+    /// An environment map that is seen in the place of background and sky, and lights nothing. With `None` there is no
+    /// pass for it.
+    pub backdrop: Option<Backdrop>,
     /// The factor that radiance is multiplied by before it is displayed.
     pub exposure: f32,
     /// Whether everything is drawn in full detail, however small it is in the picture. It costs time, and shows what

@@ -7,7 +7,7 @@ mod transfer;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Dome, Scanner, Scene};
+use crate::scene::{Backdrop, Camera, Dome, Scanner, Scene};
 pub(crate) use surface::material;
 
 /// The largest memory of all shadow maps together (bytes).
@@ -60,6 +60,9 @@ pub(crate) fn lights(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if let Some(bad) = lights.into_iter().find(|v| !v.is_finite() || *v < 0.0) {
         return Err(wrong("sun, sky or background", bad, "finite and not negative"));
     }
+    if let Some(backdrop) = &scene.backdrop {
+        check_backdrop(gpu, backdrop)?;
+    }
     if let Some(dome) = &scene.dome {
         check_dome(scene, dome)?;
     }
@@ -99,6 +102,21 @@ fn check_scanner(scene: &Scene, scanner: &Scanner) -> Result<()> {
         return Err(wrong("scanner", format!("{scanner:?}"), "positive lengths and a radius below the height"));
     }
     Ok(())
+}
+
+fn check_backdrop(gpu: &Gpu, backdrop: &Backdrop) -> Result<()> {
+    let Backdrop { width, height, texels } = backdrop;
+    let limit = gpu.max_side();
+    if *width == 0 || *height == 0 || *width > limit || *height > limit {
+        return Err(Error::Size { what: "backdrop".into(), width: *width, height: *height, limit });
+    }
+    if texels.len() != *width as usize * *height as usize {
+        return Err(wrong("backdrop", format!("{} texels", texels.len()), "as many as columns times rows"));
+    }
+    match texels.as_flattened().iter().find(|v| !v.is_finite() || **v < 0.0) {
+        Some(bad) => Err(wrong("backdrop", bad, "finite and not negative")),
+        None => Ok(()),
+    }
 }
 
 fn check_dome(scene: &Scene, dome: &Dome) -> Result<()> {

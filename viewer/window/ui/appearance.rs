@@ -49,6 +49,7 @@ impl ViewerUi {
         self.maps(ui);
         self.translucency(ui);
         ui.separator();
+        self.leaf_presets(ui);
         let mut edit = self.edits[&self.leaf];
         self.sliders(ui, &mut edit);
         if edit != self.edits[&self.leaf] {
@@ -158,6 +159,7 @@ impl ViewerUi {
         let thickness =
             ui.add(Slider::new(&mut edit.thickness_mm, 0.02..=1.0).logarithmic(true).suffix(" mm").text("h"));
         self.landmark("thickness", &thickness);
+        thickness.on_hover_text("mean thickness of the leaf, in mm; click the number to type one");
         let shining = self.scene.leaf(self.leaf).is_some_and(|l| l.sides[self.side].gloss.is_some());
         let side = &mut edit.sides[self.side];
         for (name, range, values) in [("σa", 1e-3..=100.0, &mut side.sigma_a), ("σs", 1e-2..=300.0, &mut side.sigma_s)]
@@ -166,13 +168,21 @@ impl ViewerUi {
                 let text = RichText::new(format!("{name} {channel}")).color(colour);
                 let response = ui.add(Slider::new(value, range.clone()).logarithmic(true).suffix("/mm").text(text));
                 self.landmark(&format!("{name} {channel}"), &response);
+                response.on_hover_text(match name {
+                    "σa" => {
+                        "absorption coefficient of this side, in 1/mm: the share of light that is absorbed on a mm"
+                    }
+                    _ => "scattering coefficient of this side, in 1/mm: the share of light that is scattered on a mm",
+                });
             }
         }
         if shining {
             let rho_s = ui.add(Slider::new(&mut side.rho_s_scale, 0.0..=3.0).text("ρs ×"));
             self.landmark("ρs", &rho_s);
+            rho_s.on_hover_text("factor on the fitted strength of the gloss, ρs; it has no unit");
             let m = ui.add(Slider::new(&mut side.m_scale, 0.2..=3.0).logarithmic(true).text("m ×"));
             self.landmark("m", &m);
+            m.on_hover_text("factor on the fitted roughness m, an RMS slope; below 1 is sharper");
         } else {
             ui.label(RichText::new("This side is matte.").weak());
         }

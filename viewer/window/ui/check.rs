@@ -1,7 +1,8 @@
-//! The check view: picture, reference and their difference, side by side or in turns, with the verdict and its
+//! The check view: picture, reference and their difference, side by side, in turns or parted by a line, with the verdict and its
 //! thresholds.
 
 use super::ViewerUi;
+use super::compare::part;
 use crate::editor::{ReferencePicture, Verdict};
 use egui::{Color32, ColorImage, Rect, RichText, TextureHandle, TextureOptions, pos2, vec2};
 use mesophyll_viewer::Picture;
@@ -26,6 +27,8 @@ pub enum CheckLayout {
     SideBySide,
     /// Picture and reference in turns, so that the eye sees differences as movement.
     Flipped,
+    /// The picture on the left of a line that can be moved, the reference on its right.
+    Wiped,
 }
 
 const NAMES: [&str; 3] = ["picture", "reference", "difference × 8"];
@@ -113,12 +116,19 @@ impl ViewerUi {
                 (None, "live"),
                 (Some(CheckLayout::SideBySide), "side by side"),
                 (Some(CheckLayout::Flipped), "flipped"),
+                (Some(CheckLayout::Wiped), "wiped"),
             ] {
                 let response = ui.selectable_value(&mut show, choice, name);
                 self.landmark(name, &response);
             }
         });
         self.show_check = show;
+        if show == Some(CheckLayout::Wiped) {
+            ui.spacing_mut().slider_width = 110.0;
+            let line = ui.add(egui::Slider::new(&mut self.wipe, 0.0..=1.0).show_value(false).text("line"));
+            self.landmark("check wipe", &line);
+            line.on_hover_text("left of the line is the picture, right of it the reference");
+        }
     }
 
     /// Shows the pictures in place of the live one.
@@ -148,6 +158,24 @@ impl ViewerUi {
             CheckLayout::SideBySide => {
                 for (which, cell) in cells(area, aspect, caption).into_iter().enumerate() {
                     show(which, cell.shrink(3.0));
+                }
+            }
+            CheckLayout::Wiped => {
+                // Names of both stand above their sides.
+                let room = vec2(area.width(), area.height() - caption);
+                let size = if room.x / room.y > aspect {
+                    vec2(room.y * aspect, room.y)
+                } else {
+                    vec2(room.x, room.x / aspect)
+                };
+                let rect = Rect::from_center_size(area.center() + vec2(0.0, 0.5 * caption), size);
+                part(ui.painter(), check.textures[1].id(), rect, self.wipe, false);
+                part(ui.painter(), check.textures[0].id(), rect, self.wipe, true);
+                let font = egui::FontId::proportional(14.0);
+                let sides =
+                    [(rect.left_top(), egui::Align2::LEFT_BOTTOM), (rect.right_top(), egui::Align2::RIGHT_BOTTOM)];
+                for ((at, align), name) in sides.into_iter().zip(NAMES) {
+                    ui.painter().text(at - vec2(0.0, 3.0), align, name, font.clone(), ui.visuals().text_color());
                 }
             }
             CheckLayout::Flipped => {

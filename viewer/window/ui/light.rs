@@ -4,7 +4,6 @@ use super::{ViewerUi, WindowView};
 use crate::ui::orbit::Orbit;
 use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
-use mesophyll_viewer::scene::Sun;
 use std::sync::Arc;
 
 /// Sliders change a value only when they are moved, because the scene's own sun has more digits than a slider shows.
@@ -21,77 +20,106 @@ pub(crate) fn direction(azimuth: f32, elevation: f32) -> Vec3 {
     Vec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
 }
 
+/// The lights as a user sets them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Light {
+    /// Direction to the sun, where the scene has one. The scene's own has more digits than the angles.
+    pub direction: Option<Vec3>,
+    /// Azimuth and elevation of the sun (degrees).
+    pub azimuth: f32,
+    pub elevation: f32,
+    pub sun_factor: f32,
+    pub sky_factor: f32,
+    pub turbidity: f32,
+    pub exposure: f32,
+}
+
 impl ViewerUi {
+    /// The lights as the sliders show them.
+    pub(super) fn light(&self) -> Light {
+        Light {
+            direction: self.scene.sun.map(|s| s.direction),
+            azimuth: self.sun_angles.0,
+            elevation: self.sun_angles.1,
+            sun_factor: self.sun_factor,
+            sky_factor: self.sky_factor,
+            turbidity: self.turbidity,
+            exposure: self.scene.exposure,
+        }
+    }
+
+    /// Changes the lights, and asks for another sky where the sun or the air has changed.
+    pub(super) fn set_light(&mut self, to: Light) {
+        let before = self.light();
+        if to == before {
+            return;
+        }
+        self.sun_angles = (to.azimuth, to.elevation);
+        (self.sun_factor, self.sky_factor, self.turbidity) = (to.sun_factor, to.sky_factor, to.turbidity);
+        self.scene.exposure = to.exposure;
+        if let (Some(sun), Some(direction)) = (&mut self.scene.sun, to.direction) {
+            sun.direction = direction;
+        }
+        if (before.direction, before.turbidity) != (to.direction, to.turbidity) {
+            self.renew_sky();
+        }
+        if let (Some(sun), Some(own)) = (&mut self.scene.sun, self.own_sun) {
+            sun.irradiance = own.map(|v| v * self.sun_factor);
+        }
+        self.scene.sky = self.own_sky.map(|sky| sky.map(|v| v * self.sky_factor));
+        if let Some(dome) = &mut self.scene.dome {
+            dome.strength = self.sky_factor;
+        }
+        self.lights_changed = true;
+        self.make_stale();
+    }
+
     pub(super) fn lights(&mut self, ui: &mut egui::Ui) {
         ui.heading("Light");
+        self.light_presets(ui);
         ui.spacing_mut().slider_width = 110.0;
-        let before = (
-            self.scene.sun.map(|s| s.direction),
-            self.sun_factor,
-            self.sky_factor,
-            self.scene.exposure,
-            self.turbidity,
-        );
-        if let Some(sun) = self.scene.sun {
+        let mut light = self.light();
+        if light.direction.is_some() {
             // The angles are stored besides the direction, because a direction at the zenith has no azimuth.
-            let azimuth = ui.add(
-                Slider::new(&mut self.sun_angles.0, -180.0..=180.0)
-                    .suffix("°")
-                    .max_decimals(1)
-                    .clamping(EDITS)
-                    .text("azimuth"),
-            );
+            let azimuth = Slider::new(&mut light.azimuth, -180.0..=180.0);
+            let azimuth = ui.add(azimuth.suffix("°").max_decimals(1).clamping(EDITS).text("azimuth"));
             self.landmark("azimuth", &azimuth);
             // Under a dome the sun cannot go below the horizon.
             let lowest = if self.scene.dome.is_some() { 0.0 } else { -90.0 };
-            let elevation = ui.add(
-                Slider::new(&mut self.sun_angles.1, lowest..=90.0)
-                    .suffix("°")
-                    .max_decimals(1)
-                    .clamping(EDITS)
-                    .text("elevation"),
-            );
+            let elevation = Slider::new(&mut light.elevation, lowest..=90.0);
+            let elevation = ui.add(elevation.suffix("°").max_decimals(1).clamping(EDITS).text("elevation"));
             self.landmark("elevation", &elevation);
-            ui.add(Slider::new(&mut self.sun_factor, 0.0..=4.0).text("sun ×"));
             if azimuth.changed() || elevation.changed() {
-                self.scene.sun = Some(Sun { direction: direction(self.sun_angles.0, self.sun_angles.1), ..sun });
+                light.direction = Some(direction(light.azimuth, light.elevation));
             }
+            azimuth.on_hover_text("the sun's azimuth, in degrees from +x towards +y");
+            elevation.on_hover_text("the sun's height above the horizon, in degrees");
+            let factor = ui.add(Slider::new(&mut light.sun_factor, 0.0..=4.0).text("sun ×"));
+            factor.on_hover_text("factor on the sun's irradiance; 1 is the scene's");
         } else {
             ui.label(RichText::new("This scene has no sun.").weak());
         }
         if self.scene.dome.is_some() {
-            let turbidity =
-                ui.add(Slider::new(&mut self.turbidity, 1.7..=10.0).max_decimals(2).clamping(EDITS).text("turbidity"));
+            let slider = Slider::new(&mut light.turbidity, 1.7..=10.0);
+            let turbidity = ui.add(slider.max_decimals(2).clamping(EDITS).text("turbidity"));
             self.landmark("turbidity", &turbidity);
+            turbidity.on_hover_text("haze in the air, without a unit: 2 is very clear, 6 is hazy");
         }
         if self.scene.sky.is_some() || self.scene.dome.is_some() {
-            ui.add(Slider::new(&mut self.sky_factor, 0.0..=4.0).text("sky ×"));
+            let factor = ui.add(Slider::new(&mut light.sky_factor, 0.0..=4.0).text("sky ×"));
+            factor.on_hover_text("factor on the sky's radiance; 1 is the scene's");
         } else {
             ui.label(RichText::new("This scene has no sky.").weak());
         }
-        let exposure = ui.add(Slider::new(&mut self.scene.exposure, 1e-3..=1e3).logarithmic(true).text("exposure"));
+        let exposure = ui.add(Slider::new(&mut light.exposure, 1e-3..=1e3).logarithmic(true).text("exposure"));
         self.landmark("exposure", &exposure);
-        if before
-            != (
-                self.scene.sun.map(|s| s.direction),
-                self.sun_factor,
-                self.sky_factor,
-                self.scene.exposure,
-                self.turbidity,
-            )
-        {
-            if before.0 != self.scene.sun.map(|s| s.direction) || before.4 != self.turbidity {
-                self.renew_sky();
-            }
-            if let (Some(sun), Some(own)) = (&mut self.scene.sun, self.own_sun) {
-                sun.irradiance = own.map(|v| v * self.sun_factor);
-            }
-            self.scene.sky = self.own_sky.map(|sky| sky.map(|v| v * self.sky_factor));
-            if let Some(dome) = &mut self.scene.dome {
-                dome.strength = self.sky_factor;
-            }
-            self.lights_changed = true;
-            self.make_stale();
+        exposure.on_hover_text("factor on radiance before it is shown as x / (1 + x)");
+        self.set_light(light);
+        if self.scene.backdrop.is_some() {
+            let shown = ui.checkbox(&mut self.backdrop_shown, "environment map behind");
+            self.landmark("backdrop", &shown);
+            self.dirty |= shown.changed();
+            shown.on_hover_text("the picture of --background; it lights nothing, and checks leave it out");
         }
         if !self.views.is_empty() {
             ui.horizontal_wrapped(|ui| {

@@ -16,6 +16,8 @@ impl ViewerUi {
         }
         let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
         ui.painter().image(picture, rect, whole, egui::Color32::WHITE);
+        self.show_analysis(ui.painter(), rect);
+        self.show_kept(ui.painter(), rect);
 
         let moved = response.drag_delta();
         let panning = response.dragged_by(egui::PointerButton::Secondary)
@@ -45,6 +47,11 @@ impl ViewerUi {
         }
         let pointer = response.hover_pos().filter(|_| !response.dragged());
         let aspect = rect.width() / rect.height();
+        let pixel = |p: egui::Pos2| {
+            let at = (p - rect.min) / rect.size();
+            [at.x * size[0] as f32, at.y * size[1] as f32].map(|v| v as u32)
+        };
+        self.pointer_pixel = pointer.map(pixel);
         let hit = pointer.and_then(|p| {
             let at = (p - rect.min) / rect.size();
             pick(&self.scene, &self.live_camera(), aspect, at.x, at.y)

@@ -3,14 +3,21 @@
 //!
 //! On the left is the leaf's appearance (Wang et al. 2005, Fig. 6). On the right are lights, check, texel read-out and
 //! frame times. In the middle is the picture. Dragging turns it, dragging with the right button or with shift pans it,
-//! the wheel zooms, and a click selects a leaf.
+//! the wheel zooms, and a click selects a leaf. Below are undo and redo, the comparison of two states (A and B), and
+//! screenshots.
 
+mod analysis;
 mod appearance;
 mod check;
+mod compare;
+mod edits;
+mod history;
+mod layout;
 mod light;
 mod live;
 mod orbit;
 mod plants;
+mod presets;
 mod readout;
 mod scene;
 mod thumbnails;
@@ -21,7 +28,7 @@ pub use scene::{WindowScene, WindowView};
 
 use crate::editor::{Editor, LeafEdit};
 use check::Check;
-use egui::{Rect, Response, TextureId};
+use egui::{Rect, Response};
 use mesophyll_viewer::Picture;
 use mesophyll_viewer::gpu::AdapterInfo;
 use mesophyll_viewer::pick::Hit;
@@ -36,6 +43,10 @@ use std::sync::Arc;
 pub(crate) enum Job {
     Check,
     Screenshot,
+    /// Draws the state that was kept as A.
+    Kept,
+    /// Reads the live picture for the histogram and the false colours.
+    Analyse,
 }
 
 /// The state behind the window.
@@ -84,6 +95,17 @@ pub struct ViewerUi {
     plants: plants::Plants,
     /// Whether the wind's time runs.
     playing: bool,
+    history: history::History,
+    /// The lights as the window opened.
+    own_light: light::Light,
+    kept: Option<compare::Kept>,
+    /// The share of the picture on the left of the line, where two are wiped.
+    wipe: f32,
+    analysis: analysis::Analysis,
+    /// The pixel of the live picture under the pointer.
+    pointer_pixel: Option<[u32; 2]>,
+    /// The name that the next screenshot gets; empty for the scene's.
+    shot_name: String,
     message: String,
     landmarks: BTreeMap<String, Rect>,
     pub(crate) job: Option<Job>,
@@ -93,6 +115,8 @@ pub struct ViewerUi {
     pub(crate) time_changed: bool,
     pub(crate) leaves_changed: BTreeSet<usize>,
     pub(crate) dirty: bool,
+    /// Whether the environment map behind the scene is seen.
+    pub(crate) backdrop_shown: bool,
     /// Size of the picture in pixels in the last layout.
     pub(crate) picture_size: [u32; 2],
     /// Whether the camera is being dragged. A slow adapter then draws fewer pixels until it rests.
@@ -113,7 +137,7 @@ impl ViewerUi {
         let leaves = || (0..scene.materials.len()).filter_map(|i| Some((i, scene.leaf(i)?)));
         let starts: BTreeMap<usize, LeafEdit> = leaves().map(|(i, _)| (i, editor.start(i))).collect();
         let gloss = |(i, leaf): (usize, &Leaf)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));
-        ViewerUi {
+        let mut ui = ViewerUi {
             plants: plants::Plants::new(editor.plants()),
             editor,
             title,
@@ -146,6 +170,13 @@ impl ViewerUi {
             screenshots,
             times: VecDeque::new(),
             continuous: false,
+            history: history::History::default(),
+            own_light: light::Light::default(),
+            kept: None,
+            wipe: 0.5,
+            analysis: analysis::Analysis::default(),
+            pointer_pixel: None,
+            shot_name: String::new(),
             message: String::new(),
             landmarks: BTreeMap::new(),
             job: None,
@@ -155,11 +186,15 @@ impl ViewerUi {
             playing: false,
             leaves_changed: BTreeSet::new(),
             dirty: true,
+            backdrop_shown: true,
             picture_size: [1, 1],
             moving: false,
             drawn_as_draft: false,
             scene,
-        }
+        };
+        ui.own_light = ui.light();
+        ui.history = history::History::new(ui.snapshot());
+        ui
     }
 
     /// The camera of the live picture, as a check would use it.
@@ -210,90 +245,6 @@ impl ViewerUi {
         self.landmarks.insert(name.to_string(), response.rect);
     }
 
-    /// Applies an edit: the editor solves the slab again, and the picture shows the result. A refusal is shown, and the
-    /// leaf stays unchanged.
-    pub fn set_edit(&mut self, leaf: usize, edit: LeafEdit) {
-        let Some(target) = self.scene.leaf_mut(leaf) else { return };
-        let update = match self.editor.recompute(leaf, &edit) {
-            Ok(update) => update,
-            Err(reason) => {
-                self.message = reason;
-                return;
-            }
-        };
-        let Sides { front, back } = update.sides;
-        let own = Sides {
-            front: std::mem::replace(&mut target.sides.front.interior, front),
-            back: std::mem::replace(&mut target.sides.back.interior, back),
-        };
-        let thickness = std::mem::replace(&mut target.thickness_mm, update.thickness_mm);
-        self.own_interiors.entry(leaf).or_insert((thickness, own));
-        self.finish_edit(leaf, edit);
-    }
-
-    /// Restores a leaf as it was fitted, bit for bit.
-    pub fn reset(&mut self, leaf: usize) {
-        let (Some(target), Some((thickness, own))) = (self.scene.leaf_mut(leaf), self.own_interiors.remove(&leaf))
-        else {
-            return;
-        };
-        target.thickness_mm = thickness;
-        (target.sides.front.interior, target.sides.back.interior) = (own.front, own.back);
-        self.finish_edit(leaf, self.starts[&leaf]);
-    }
-
-    fn finish_edit(&mut self, leaf: usize, edit: LeafEdit) {
-        self.message.clear();
-        self.edits.insert(leaf, edit);
-        let (Some(target), Some(own)) = (self.scene.leaf_mut(leaf), self.own_gloss.get(&leaf)) else { return };
-        for (side, maps) in target.sides.iter_mut() {
-            let factors = edit.sides[side];
-            let scaled = |t: &[f32; 4]| {
-                let s = factors.rho_s_scale;
-                [t[0] * s, t[1] * s, t[2] * s, t[3] * factors.m_scale]
-            };
-            maps.gloss = own[side].as_ref().map(|texels| texels.iter().map(scaled).collect());
-        }
-        self.thumbnails.forget(leaf);
-        self.leaves_changed.insert(leaf);
-        self.make_stale();
-        self.dirty = true;
-    }
-
-    fn save(&mut self) {
-        self.message = match self.editor.save(self.leaf, &self.edits[&self.leaf]) {
-            Ok(place) => format!("saved: {place}"),
-            Err(reason) => format!("not saved: {reason}"),
-        };
-    }
-
-    fn choose(&mut self, leaf: usize) {
-        self.leaf = leaf;
-        if self.alone {
-            self.show_alone(true);
-        }
-    }
-
-    fn show_alone(&mut self, alone: bool) {
-        self.alone = alone;
-        self.scene.instances = match self.instances.iter().find(|i| i.material == self.leaf).filter(|_| alone) {
-            Some(one) => vec![*one],
-            None => self.instances.clone(),
-        };
-        // The light that arrives at a leaf between others does not arrive at it when it stands alone.
-        self.scene.transfer = if alone { None } else { self.transfer.clone() };
-        self.scene.sun_shares = if alone { None } else { self.sun_shares.clone() };
-        self.scene_changed = true;
-        self.make_stale();
-        self.dirty = true;
-    }
-
-    fn make_stale(&mut self) {
-        if let Some(check) = &mut self.check {
-            check.stale = true;
-        }
-    }
-
     fn camera_changed(&mut self) {
         self.dirty = true;
         self.show_check = None;
@@ -330,10 +281,19 @@ impl ViewerUi {
         }
     }
 
-    /// Writes `picture` to the first free name, and the message says where.
+    /// Writes `picture` to the first free name, and the message says where. The name is the one that was typed, or the
+    /// scene's with a number.
     pub(crate) fn finish_screenshot(&mut self, picture: &Picture) {
-        let name: String = self.title.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
-        let path = (1..).map(|i| self.screenshots.join(format!("{name}-{i}.png"))).find(|p| !p.exists());
+        let plain = |text: &str| -> String {
+            text.trim().chars().map(|c| if c.is_alphanumeric() || "-_ ".contains(c) { c } else { '-' }).collect()
+        };
+        let typed = self.shot_name.trim().trim_end_matches(".png");
+        let named = |i: u32| match (typed.is_empty(), i) {
+            (true, _) => format!("{}-{i}.png", plain(&self.title)),
+            (false, 1) => format!("{}.png", plain(typed)),
+            (false, _) => format!("{}-{i}.png", plain(typed)),
+        };
+        let path = (1..).map(|i| self.screenshots.join(named(i))).find(|p| !p.exists());
         let Some(path) = path else { return };
         self.message = match picture.save_png(&path) {
             Ok(()) => format!("screenshot: {}", path.display()),
@@ -357,6 +317,7 @@ impl ViewerUi {
     /// Records the time of a drawn picture (ms). Drafts do not count.
     pub(crate) fn drawn(&mut self, ms: f64) {
         self.dirty = false;
+        self.analysis.fresh = false;
         self.drawn_as_draft = self.live_size() != self.picture_size;
         if self.drawn_as_draft {
             return;
@@ -369,49 +330,5 @@ impl ViewerUi {
 
     pub(crate) fn continuous(&self) -> bool {
         self.continuous || self.playing
-    }
-
-    /// Lays everything out. The picture is drawn into the texture `picture`.
-    pub(crate) fn show(&mut self, ui: &mut egui::Ui, picture: TextureId) {
-        if self.scene.leaf(self.leaf).is_some() {
-            egui::Panel::left("appearance").exact_size(290.0).resizable(false).show(ui, |ui| {
-                egui::ScrollArea::vertical().show(ui, |ui| self.appearance(ui));
-            });
-        }
-        egui::Panel::right("lights").exact_size(275.0).resizable(false).show(ui, |ui| {
-            let room = ui.available_width();
-            let shown = egui::ScrollArea::vertical().show(ui, |ui| {
-                self.lights(ui);
-                ui.separator();
-                self.wind(ui);
-                self.plants(ui);
-                self.check_panel(ui);
-                ui.separator();
-                self.readout(ui);
-                ui.separator();
-                self.frame_times(ui);
-            });
-            self.landmarks.insert(
-                "right panel".into(),
-                Rect::from_min_size(shown.inner_rect.min, egui::vec2(room, shown.inner_rect.height())),
-            );
-            self.landmarks
-                .insert("right panel's content".into(), Rect::from_min_size(shown.inner_rect.min, shown.content_size));
-        });
-        egui::Panel::bottom("words").show(ui, |ui| {
-            ui.horizontal(|ui| {
-                let shot = ui.button("Screenshot");
-                self.landmark("screenshot", &shot);
-                if shot.clicked() {
-                    self.request_screenshot();
-                }
-                let hint = "drag: turn   right drag: pan   wheel: zoom   click: choose the leaf";
-                ui.label(if self.message.is_empty() { hint } else { &self.message });
-            });
-        });
-        egui::CentralPanel::no_frame().show(ui, |ui| match self.show_check {
-            Some(layout) if self.check.is_some() => self.check_view(ui, layout),
-            _ => self.live_view(ui, picture),
-        });
     }
 }

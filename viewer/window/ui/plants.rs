@@ -58,17 +58,17 @@ impl ViewerUi {
         let mut settled = false;
         let sways = self.scene.wind.is_some();
         for (name, value, range, hint, on) in [
-            ("taper ×", &mut edit.taper, 0.1..=4.0, "tip radius over root radius", true),
+            ("taper ×", &mut edit.taper, 0.1..=4.0, "factor on tip radius over root radius; no unit", true),
             (
                 "load ×",
                 &mut edit.load,
                 0.0..=10.0,
-                "the weight that the branch carries; it bends by what is added",
+                "factor on the weight that the branch carries; it bends by what is added",
                 true,
             ),
-            ("lean ×", &mut edit.lean, 0.0..=5.0, "the way of the tip in a steady wind", sways),
-            ("resonance ×", &mut edit.resonance, 0.2..=5.0, "the branch's own frequency", sways),
-            ("damping ×", &mut edit.damping, 0.1..=10.0, "how fast it comes to rest", sways),
+            ("lean ×", &mut edit.lean, 0.0..=5.0, "factor on the way of the tip in a steady wind", sways),
+            ("resonance ×", &mut edit.resonance, 0.2..=5.0, "factor on the branch's own frequency", sways),
+            ("damping ×", &mut edit.damping, 0.1..=10.0, "factor on how fast it comes to rest", sways),
         ] {
             // Halves and doubles lie on both sides of the middle.
             let slider = Slider::new(value, range.clone()).logarithmic(*range.start() > 0.0);
@@ -160,7 +160,7 @@ impl ViewerUi {
         &self.plants.edits
     }
 
-    fn bend(&mut self, edits: PlantEdits) {
+    pub(super) fn bend(&mut self, edits: PlantEdits) {
         match self.editor.bend(&edits) {
             Ok(new) => {
                 // Leaves come first among the materials. They keep their edits.

@@ -21,6 +21,7 @@ impl ViewerUi {
         let time = ui.add(Slider::new(&mut wind.time_s, 0.0..=most).suffix(" s").max_decimals(2).text("time"));
         let changed = wind.time_s != before;
         self.landmark("time", &time);
+        time.on_hover_text("time at which the scene is seen, in seconds");
         let play = ui.button(if self.playing { "Stop" } else { "Play" });
         self.landmark("play", &play);
         if play.clicked() {

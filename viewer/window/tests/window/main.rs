@@ -6,5 +6,6 @@ mod common;
 mod bench;
 mod display;
 mod edits;
+mod hands;
 mod light;
 mod picture;

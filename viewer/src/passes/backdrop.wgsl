@@ -1,0 +1,38 @@
+// An environment map behind everything. Row 0 is at the zenith, column 0 is towards +x, azimuth turns towards +y. Texel
+// centres lie at half steps; between them the radiance is interpolated. It wraps around in azimuth and is constant beyond
+// the first and the last row.
+
+struct Rays {
+    // The ray of a pixel is corner + x·right + y·down.
+    corner: vec4f,
+    right: vec4f,
+    down: vec4f,
+}
+
+@group(0) @binding(0) var<uniform> rays: Rays;
+@group(0) @binding(1) var map: texture_2d<f32>;
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    // One triangle that covers the picture.
+    return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
+    let d = normalize(rays.corner.xyz + rays.right.xyz * position.x + rays.down.xyz * position.y);
+    let size = vec2i(textureDimensions(map));
+    let turn = 6.283185307179586;
+    // An azimuth has no value at the zenith, and no influence there but for the first row's own variation.
+    let azimuth = select(0.0, atan2(d.y, d.x), abs(d.x) + abs(d.y) > 0.0);
+    let zenith = atan2(length(d.xy), d.z);
+    let at = vec2f(azimuth / turn * f32(size.x), zenith / (0.5 * turn) * f32(size.y)) - 0.5;
+    let low = vec2i(floor(at));
+    let part = at - floor(at);
+    let columns = (vec2i(low.x, low.x + 1) % size.x + size.x) % size.x;
+    let rows = clamp(vec2i(low.y, low.y + 1), vec2i(0), vec2i(size.y - 1));
+    let upper = mix(textureLoad(map, vec2i(columns.x, rows.x), 0).rgb, textureLoad(map, vec2i(columns.y, rows.x), 0).rgb, part.x);
+    let lower = mix(textureLoad(map, vec2i(columns.x, rows.y), 0).rgb, textureLoad(map, vec2i(columns.y, rows.y), 0).rgb, part.x);
+    // A 16-bit target holds at most 65504. Alpha is the leaves' coverage, so it is 0.
+    return vec4f(min(mix(upper, lower, part.y), vec3f(6e4)), 0.0);
+}
