@@ -143,7 +143,7 @@ fn harmonic(l: usize, m: isize, d: [f64; 3]) -> f64 {
     let term = |k: usize| {
         // (−1)^k binomial(l, k) z^(2l − 2k), of which l + m derivatives are left where the power is high enough.
         let power = 2 * l - 2 * k;
-        let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let choose = factorial(l) / (factorial(k) * factorial(l - k));
         if power < l + a {
             return 0.0;
