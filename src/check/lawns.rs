@@ -7,7 +7,7 @@
 //! the blade stood alone.
 
 use crate::cost::median;
-use crate::{Row, blocks, repeats, told};
+use crate::{Row, blocks, repeats, ridge, told};
 use glam::{DVec3, Vec3};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
@@ -42,7 +42,7 @@ const ELEVATIONS: [f64; 5] = [8.0, 20.0, 40.0, 65.0, 90.0];
 const DISTANCES: [f64; 3] = [500.0, 1500.0, 4500.0];
 const DENSITIES: [f64; 3] = [1.0, 4.0, 16.0];
 /// Steps of the progress bar.
-pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len() + 1) as u64;
+pub const PIECES: u64 = (ELEVATIONS.len() + DISTANCES.len() + DENSITIES.len() + TABLE.len() + 2) as u64;
 /// The rows of the source's Table 2.1: pixels, steps, and the speed-up.
 const TABLE: [([u32; 2], u32, f64); 3] = [([1024, 768], 4, 1.56), ([1024, 768], 16, 2.67), ([1600, 1200], 4, 1.93)];
 /// Pixels of the pictures that are judged, paths for each pixel, and pixels along the side of a block.
@@ -262,6 +262,8 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
         bar.step()?;
     }
     rows.extend(repetition(&mut renderer)?);
+    bar.step()?;
+    rows.push(ridge::row(&mut renderer)?);
     bar.step()?;
     Ok(rows)
 }

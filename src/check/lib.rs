@@ -22,6 +22,7 @@ mod pictures;
 mod proof;
 pub mod repeats;
 mod report;
+pub mod ridge;
 mod smooth;
 pub mod trees;
 mod verify;

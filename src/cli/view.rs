@@ -7,7 +7,8 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  mesophyll view data/scenes/glossy-sky.toml\n  mesophyll view data/scenes/demo.toml \
-     --out out/demo    with the fits of that run\n\nThe window changes leaves, branches and lights, with undo (Ctrl+Z) and \
+     --out out/demo    with the fits of that run\n\nThe window changes leaves, branches and lights, with undo (Ctrl+Z) \
+     and \
      redo (Ctrl+Shift+Z), presets and\ntyped numbers; compares a kept state (A) with the present one (B) and a picture \
      with its\nreference; and shows a histogram and false colours. docs/window.md says more."
 )]

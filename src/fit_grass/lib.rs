@@ -14,6 +14,7 @@
 pub mod bake;
 pub mod blades;
 pub mod hill;
+pub mod irregular;
 pub mod judge;
 pub mod march;
 pub mod optics;

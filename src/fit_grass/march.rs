@@ -8,14 +8,12 @@
 //! that of the blades in every direction in which slices can reach it.
 
 use crate::blades::{STEPS, shown};
+use crate::irregular::{SHIFTS, shifted};
 use crate::sheet::{BYTES, CHANNELS, Sheet};
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DVec2, DVec3};
 
 /// Below this share of light that is left, a ray counts as stopped.
 const OPAQUE: f64 = 1e-4;
-/// In an irregular lawn, every rectangle shows the meadow moved by a whole number of these parts of its sides. Slices
-/// stay where they are, so their number is a multiple of it.
-pub const SHIFTS: usize = 8;
 
 /// A meadow as slices. Lengths are in mm. The rectangle lies around the origin, and the ground is at z = 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,22 +84,6 @@ impl Crossing {
 /// A point or a direction of the leaning lawn, transformed to the lawn without wind.
 pub fn unleant(v: DVec3, lean: DVec2) -> DVec3 {
     v - (lean * v.z).extend(0.0)
-}
-
-/// By how many [`SHIFTS`] of its sides a rectangle of an irregular lawn is moved. Its point at a share p of a side
-/// shows what the meadow has at p plus this. The rectangle around the origin is the first, and the count goes on
-/// without end in all directions. The hash is pcg2d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020).
-pub fn shifted(seed: u32, rectangle: [i64; 2]) -> [usize; 2] {
-    const FACTOR: u32 = 1_664_525;
-    let mut v = (UVec2::from(rectangle.map(|k| k as u32)).wrapping_add(UVec2::new(seed, 0)))
-        .wrapping_mul(UVec2::splat(FACTOR))
-        .wrapping_add(UVec2::splat(1_013_904_223));
-    for _ in 0..2 {
-        v.x = v.x.wrapping_add(v.y.wrapping_mul(FACTOR));
-        v.y = v.y.wrapping_add(v.x.wrapping_mul(FACTOR));
-        v ^= v >> 16;
-    }
-    v.to_array().map(|k| k as usize % SHIFTS)
 }
 
 /// What a ray gathered on its way.
@@ -281,10 +263,22 @@ impl Slices {
     /// mean of the slab. The slab of the level slice is the whole layer. There the space before the blade is known to
     /// be empty towards the eye only. Towards another direction it holds the mean number of blades.
     pub fn arriving(&self, crossing: &Crossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3, level: f64) -> f64 {
+        self.arriving_past(crossing, texel, [d, to], self.weights(to), level)
+    }
+
+    /// The same for directions of any length (along the ray, and to the light) relative to the lawn's ground. `weights`
+    /// are the shares of the slices that count on the way to the light.
+    pub(crate) fn arriving_past(
+        &self,
+        crossing: &Crossing,
+        texel: &[f64; CHANNELS],
+        [d, to]: [DVec3; 2],
+        weights: [f64; 2],
+        level: f64,
+    ) -> f64 {
         if to.z <= 0.0 {
             return 0.0;
         }
-        let weights = self.weights(to);
         let axis = crossing.across as usize;
         let [thick, weight] = match crossing.across {
             Across::Z => [self.height, weights[1]],
@@ -304,7 +298,20 @@ impl Slices {
             let height = place.z / self.height;
             left -= self.cover(crossing.across, height) * self.share(crossing.across, height, weight * passed);
         }
-        for other in self.crossings(place, to, Some((crossing.across, crossing.index))) {
+        left * self.passing(place, to, Some((crossing.across, crossing.index)), weights, level)
+    }
+
+    /// Share of the light from `to` that passes the slices between a place and the upper side of the lawn.
+    pub(crate) fn passing(
+        &self,
+        place: DVec3,
+        to: DVec3,
+        from: Option<(Across, i64)>,
+        weights: [f64; 2],
+        level: f64,
+    ) -> f64 {
+        let mut left = 1.0;
+        for other in self.crossings(place, to, from) {
             left *= 1.0 - self.texel(&other, weights, level)[0];
             if left < OPAQUE {
                 break;

@@ -14,15 +14,26 @@ fn described(folder: &Path) -> PathBuf {
     path
 }
 
-fn small() -> (Plant, Meadow) {
+pub(crate) fn small() -> (Plant, Meadow) {
+    small_with(SMALL)
+}
+
+/// The same from another description.
+fn small_with(description: &str) -> (Plant, Meadow) {
     let folder = tempfile::tempdir().unwrap();
     let path = described(folder.path());
+    std::fs::write(&path, description).unwrap();
     let plant = plant(&path).unwrap();
     let meadow = Meadow::new(&path, &plant, &optics::read(None).unwrap()).unwrap();
     (plant, meadow)
 }
 
-fn options() -> Options {
+/// The same with half as many blades, so that much light reaches the ground.
+pub(crate) fn thin() -> (Plant, Meadow) {
+    small_with(&SMALL.replace("30000", "15000"))
+}
+
+pub(crate) fn options() -> Options {
     Options { slices: 8, texels: [64, 32], rays: 2, entries: 16, view: false, ..Options::default() }
 }
 

@@ -74,8 +74,8 @@ fn defaults(sources: &[ReportSource], pictures: Option<Detail>) -> Options {
     Options { compare: sources.len() > 1 && sources.iter().all(ReportSource::is_fit), pictures, title: None }
 }
 
-/// Writes one self-contained HTML file. Where it would be larger than 5 MB, pictures and values are shown more coarsely,
-/// and the page says so.
+/// Writes one self-contained HTML file. Where it would be larger than 5 MB, pictures and values are shown more
+/// coarsely, and the page says so.
 ///
 /// # Errors
 /// [`Error::Input`] for a folder without anything to report or with a broken `fit.toml`, `check.json` or `plan.json`;

@@ -41,8 +41,8 @@ pub const DETAILS: [Detail; 11] = [
     Detail { fit: 10, others: 20, colours: 24, digits: 3, thumb: 16, shots: 8, aside: 16 },
 ];
 
-/// The detail to try after a page of `bytes` at `level`; `None` where it is small enough, or where nothing is coarser. A
-/// page that is much too large skips some.
+/// The detail to try after a page of `bytes` at `level`; `None` where it is small enough, or where nothing is coarser.
+/// A page that is much too large skips some.
 pub fn next(level: usize, bytes: usize) -> Option<usize> {
     let skip = match bytes {
         b if b <= LIMIT => return None,

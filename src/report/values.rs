@@ -1,5 +1,5 @@
-//! The values of a map that the page shows under the pointer: decimal numbers with a few significant digits, packed into
-//! text.
+//! The values of a map that the page shows under the pointer: decimal numbers with a few significant digits, packed
+//! into text.
 //!
 //! A value is a sign, a decade and a mantissa of a few digits. All three become one whole number that grows with
 //! the value: 0 is a code for 0, 1 is the smallest mantissa of the lowest decade that occurs, and the negative numbers

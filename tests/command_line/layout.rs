@@ -1,5 +1,5 @@
-//! The layout of the source: lines are at most 120 characters wide and files at most 400 lines long, so that both can be
-//! read without scrolling to and fro.
+//! The layout of the source: lines are at most 120 characters wide and files at most 400 lines long, so that both can
+//! be read without scrolling to and fro.
 
 use std::path::{Path, PathBuf};
 

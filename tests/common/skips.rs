@@ -22,7 +22,8 @@ pub enum Need {
     System,
     /// Real measurements in the folder `MESOPHYLL_DATA`. They are not in the repository, so they cannot be required.
     Data,
-    /// A foreign program that Debian has no package of, such as Khronos' glTF validator, or a large one, such as a browser.
+    /// A foreign program that Debian has no package of, such as Khronos' glTF validator, or a large one, such as a
+    /// browser.
     Peer,
     /// A property that one graphics interface has and another has not.
     Elsewhere,

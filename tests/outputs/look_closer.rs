@@ -160,7 +160,8 @@ fn pictures_can_be_looked_at_closer() {
     let (wheel_left, wheel) = view(&seen["wheel"]);
     // Browsers print six digits of a transform.
     assert!((wheel - 1.5 * 1f64.exp()).abs() < 1e-5, "{wheel}");
-    // The place under the pointer, here the middle, stays. A wheel's pointer has whole pixels, about 1/345 of the picture.
+    // The place under the pointer, here the middle, stays. A wheel's pointer has whole pixels, about 1/345 of the
+    // picture.
     assert!((((0.5 - wheel_left) / wheel) - (0.5 - dragged) / 1.5).abs() < 4e-3, "{wheel_left} from {dragged}");
     assert_eq!(view(&seen["again"]), (0.0, 1.0));
     assert_eq!(view(&seen["scrolls"]), (0.0, 1.0), "without a click the wheel scrolls the page");

@@ -251,6 +251,41 @@ fn a_lawn_that_nobody_sees_from_above_has_no_level_slice() {
     assert!(handover::scene(&scene, &ledger).unwrap().grass[0].level.is_none());
 }
 
+/// A lawn that absorbs nothing, over ground that absorbs nothing, under a sky of 1 is as bright as the sky wherever one
+/// looks: what blades do not get from the sky they get from each other. It does not matter how much of the sky they see
+/// (here made up), nor how dense they are. Blades face sideways, so that half of what they could see is above them.
+#[test]
+fn a_white_lawn_under_an_even_sky_is_as_bright_as_the_sky() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut scene, slices) = lawn(dir.path());
+    let base = scene.grass[0].as_ref().clone();
+    scene.sky = Some([1.0; 3]);
+    for opacity in [0.05, 0.4, 1.0] {
+        let sideways = |sheet| {
+            let mut out = even(sheet, opacity);
+            out.levels.iter_mut().for_each(|level| level.planes[0].fill([0.6 * opacity, 0.8 * opacity, 0.0, opacity]));
+            out
+        };
+        let white = Grass {
+            upright: sideways(&base.upright),
+            level: base.level.as_ref().map(sideways),
+            cover: [opacity; 17],
+            level_cover: opacity,
+            open: std::array::from_fn(|k| 0.1 + 0.05 * k as f32),
+            soil_open: 0.3,
+            soil: [1.0; 3],
+            scatter: [1.0; 3],
+            ..base.clone()
+        };
+        scene.grass = vec![Arc::new(white)];
+        for camera in &cameras(MIDDLE, slices.height as f32)[..6] {
+            let wrong = drawn(&mut renderer, &scene, camera).into_iter().find(|p| (p[1] - 1.0).abs() > 2e-3);
+            assert!(wrong.is_none(), "opacity {opacity}, {camera:?}: {wrong:?}");
+        }
+    }
+}
+
 /// Lawns of opacity 0 and 1, of one slice, of one step, seen from below and past their edges. Every radiance is finite,
 /// and known results are met.
 #[test]

@@ -91,7 +91,7 @@ pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Dra
     drawn.grass = vec![Arc::new(grass)];
     let cameras = cameras(middle, slices.height as f32);
     let sun = DVec3::new(0.5, -0.4, 0.7).normalize();
-    let half = renderer.adapter().half_precision;
+    let adapter = renderer.adapter().clone();
     for &k in which {
         let camera = &cameras[k];
         // An even sky: each of the two sides gets the part of it that is above.
@@ -105,7 +105,7 @@ pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Dra
         };
         let right = twin(&slices, camera, origin, lean, colour, |_| 1.0);
         let right: Vec<[f64; 3]> = right.into_iter().map(|r| r.0).collect();
-        agree(&format!("sky, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
+        agree(&format!("sky, camera {k}"), &adapter, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
         // A sun whose light passes through the slices.
         drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
         drawn.sky = None;
@@ -117,7 +117,7 @@ pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Dra
         };
         let right = twin(&slices, camera, origin, lean, colour, soil);
         let right: Vec<[f64; 3]> = right.into_iter().map(|r| r.0).collect();
-        agree(&format!("sun, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
+        agree(&format!("sun, camera {k}"), &adapter, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
     }
 }
 

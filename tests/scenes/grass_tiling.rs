@@ -6,7 +6,8 @@ use crate::lawn::{GRASS, GROUND, STILL, file, lawn_of, renderer};
 use glam::{DVec2, DVec3, Vec3};
 use mesophyll::check::repeats::{autocorrelation, largest};
 use mesophyll::fit_grass::blades::Meadow;
-use mesophyll::fit_grass::march::{Across, Crossing, SHIFTS, Slices, shifted};
+use mesophyll::fit_grass::irregular::{SHIFTS, shifted};
+use mesophyll::fit_grass::march::{Across, Crossing, Slices};
 use mesophyll::fit_grass::{Options, baked, optics, plant};
 use mesophyll::manifest::Manifest;
 use mesophyll::placed::leaf::Search;
@@ -49,7 +50,32 @@ fn rectangles_are_moved_at_random() {
         let alike = all().filter(|[x, y]| shifted(3, [*x, *y]) == shifted(3, [x + dx, y + dy])).count() as f64;
         assert!((alike - expected).abs() < 4.0 * expected.sqrt(), "{dx} {dy}: {alike}");
     }
-    assert!(all().any(|at| shifted(3, at) != shifted(4, at)));
+}
+
+/// Two seeds give two lawns that have nothing in common: wherever one of them is laid over the other, rectangles are
+/// alike as often as by chance, one in 64. 24 x 24 rectangles are compared at all 49 x 49 places up to 24 rectangles
+/// away, with the next seed, with one that differs in its highest bit, and with another one. The limit is six
+/// standard deviations, which chance exceeds once in 10^8 places.
+#[test]
+fn seeds_give_lawns_that_have_nothing_in_common() {
+    let (side, most) = (24i64, 24i64);
+    let expected = (side * side) as f64 / 64.0;
+    let limit = expected + 6.0 * (expected * 63.0 / 64.0).sqrt();
+    for [a, b] in [[3, 4], [7, 8], [0, 1], [5, 5 | 1 << 31], [1, 2_000_000_001]] {
+        let lawn = |seed: u32, reach: i64| -> Vec<[usize; 2]> {
+            let n = side + 2 * reach;
+            (0..n * n).map(|k| shifted(seed, [k % n - reach, k / n - reach])).collect()
+        };
+        let (first, second) = (lawn(a, 0), lawn(b, most));
+        let alike = |dx: i64, dy: i64| {
+            let at = |k: i64| (k / side + dy + most) * (side + 2 * most) + k % side + dx + most;
+            (0..side * side).filter(|k| first[*k as usize] == second[at(*k) as usize]).count()
+        };
+        let places = (-most..=most).flat_map(|dx| (-most..=most).map(move |dy| [dx, dy]));
+        let (found, [dx, dy]) = places.map(|[dx, dy]| (alike(dx, dy), [dx, dy])).max().unwrap();
+        println!("seeds {a} and {b}: at most {found} of {} alike, {dx} and {dy} rectangles apart", side * side);
+        assert!((found as f64) < limit, "seeds {a} and {b}: {found} alike, {dx} and {dy} rectangles apart");
+    }
 }
 
 fn slices() -> Slices {

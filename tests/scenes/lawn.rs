@@ -11,7 +11,7 @@ use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::loaded::Scene;
 use mesophyll_viewer::scene::{Camera, GrassSheet, Scene as Drawn};
-use mesophyll_viewer::{Backend, Error, Options, Renderer};
+use mesophyll_viewer::{AdapterInfo, Backend, Error, Options, Renderer};
 use std::path::{Path, PathBuf};
 
 /// Pixels along each side of a picture.
@@ -157,8 +157,11 @@ pub fn twin(
 }
 
 /// Every pixel agrees within `1e-3` of the brightest one. A few exceptions are allowed, whose ray passes so close to
-/// the crossing of two slices that single precision takes them in another order.
-pub fn agree(what: &str, half: bool, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
+/// the crossing of two slices that single precision takes them in another order. In the mean, a software adapter's
+/// pixels agree within 3e-5: places of up to a metre have errors of 6e-5 mm in single precision, texels are 1.9 mm
+/// long, and one texel may be as bright as the picture and its neighbour black. Other adapters may filter with
+/// fractions of 8 bits, and some store radiance with 16 bits.
+pub fn agree(what: &str, adapter: &AdapterInfo, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     let white = right.iter().flatten().fold(0.0f64, |a, b| a.max(*b));
     assert!(white > 0.01, "{what}: {white}");
     let off = |(a, b): (&[f32; 4], &[f64; 3])| (0..3).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, f64::max);
@@ -167,10 +170,14 @@ pub fn agree(what: &str, half: bool, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     let worst = errors.iter().fold(0.0f64, |a, b| a.max(*b));
     println!("{what}: mean {mean:.2e}, beyond 1e-3: {:.2} %, worst {worst:.3}", 100.0 * beyond);
-    // Some adapters store radiance with 16 bits.
+    let most = match adapter {
+        AdapterInfo { half_precision: true, .. } => 1e-3,
+        AdapterInfo { is_software: true, .. } => 3e-5,
+        _ => 2e-4,
+    };
     assert!(
-        beyond < 0.005 && mean < if half { 1e-3 } else { 2e-4 },
-        "{what}: mean {mean}, {beyond} beyond 1e-3, worst {worst}"
+        beyond < 0.005 && mean < most,
+        "{what}: mean {mean}, at most {most} allowed, {beyond} beyond 1e-3, worst {worst}"
     );
 }
 

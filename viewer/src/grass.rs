@@ -56,9 +56,9 @@ pub struct Grass {
     pub open: GrassTable,
     /// Share of an even sky's light that arrives at the ground.
     pub soil_open: f32,
-    /// The seed by which every rectangle shows the meadow moved by a random number of eighths of its sides, so that the
-    /// lawn does not repeat; `fit_grass::march` has the same rule. With `None`, all rectangles are alike, and the
-    /// shader has no code for it.
+    /// The seed by which every rectangle shows the meadow moved by a random number of eighths of its sides, so that
+    /// the lawn does not repeat; `fit_grass::irregular` has the same rule. With `None`, all rectangles are alike, and
+    /// the shader has no code for it.
     pub irregular: Option<u32>,
     /// The hill that the lawn is on. With `None`, the shader has no code for it.
     pub hill: Option<GrassHill>,

@@ -135,6 +135,101 @@ fn the_gloss_of_a_gradient_is_its_integral() {
     }
 }
 
+/// The real harmonic Y_lm of a unit direction, from Rodrigues' formula: (1 − z²)^(m/2) times the (l+m)-th derivative of
+/// (z² − 1)^l, term by term. It shares no recurrence with the renderer.
+fn harmonic(l: usize, m: isize, d: [f64; 3]) -> f64 {
+    let a = m.unsigned_abs();
+    let factorial = |n: usize| (1..=n).map(|k| k as f64).product::<f64>();
+    let term = |k: usize| {
+        // (−1)^k binomial(l, k) z^(2l − 2k), of which l + m derivatives are left where the power is high enough.
+        let power = 2 * l - 2 * k;
+        let sign = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let choose = factorial(l) / (factorial(k) * factorial(l - k));
+        if power < l + a {
+            return 0.0;
+        }
+        sign * choose * factorial(power) / factorial(power - l - a) * d[2].powi((power - l - a) as i32)
+    };
+    let polynomial = (0..=l).map(term).sum::<f64>() / (2f64.powi(l as i32) * factorial(l));
+    let two = if a == 0 { 1.0 } else { 2.0 };
+    let norm = (two * (2 * l + 1) as f64 / (4.0 * PI) * factorial(l - a) / factorial(l + a)).sqrt();
+    let azimuth = d[1].atan2(d[0]) * a as f64;
+    let turn = if m < 0 { azimuth.sin() } else { azimuth.cos() };
+    norm * polynomial * (1.0 - d[2] * d[2]).max(0.0).sqrt().powi(a as i32) * turn
+}
+
+/// Every band of a sky, from the first to the last, lights a leaf as an integral over the sky itself says. The
+/// irradiance is integrated over both hemispheres. The gloss is seen along the normal, where its lobe is round, so
+/// that the bands about its mean direction are exact: it is integrated over Beckmann's density (Wang et al. 2005, Eq.
+/// 7) with the V-cavities of Cook and Torrance 1982.
+#[test]
+fn every_band_lights_a_leaf_as_its_integral_says() {
+    let Some(mut renderer) = renderer() else { return };
+    let (rho_s, m, tolerance) = (0.3f64, 0.15f64, 1e-4);
+    let mut both = uniform_leaf();
+    both.sides.front.gloss = Some(vec![[rho_s as f32, rho_s as f32, rho_s as f32, m as f32]; 64]);
+    for band in 1..=6usize {
+        // Coefficients of all orders, so that no order can stand for another one.
+        let of = |k: usize| 0.5 * (1.7 * (k * k + 3 * k + 5 * band) as f64).sin();
+        let harmonics: Vec<[f32; 3]> = (0..49)
+            .map(|k| match k {
+                0 => [(4.0 * PI).sqrt() as f32; 3],
+                _ if (band * band..(band + 1) * (band + 1)).contains(&k) => [of(k) as f32; 3],
+                _ => [0.0; 3],
+            })
+            .collect();
+        let given = |k: usize| f64::from(harmonics[k][0]);
+        let sky = |d: [f64; 3]| {
+            let one = |k: usize| given(band * band + k) * harmonic(band, k as isize - band as isize, d);
+            1.0 + (0..=2 * band).map(one).sum::<f64>()
+        };
+        let mut scene = scene_of(both.clone());
+        scene.dome = Some(dome(harmonics.clone()));
+        // The largest share of the band in the diffuse and in the glossy light.
+        let mut most = [0.0f64; 2];
+        for (tilt, turn) in [(0.0f32, 0.0f32), (0.6, 0.4), (1.3, -2.1)] {
+            let q = glam::Quat::from_rotation_z(turn) * glam::Quat::from_rotation_x(tilt);
+            scene.instances[0].transform = glam::Mat4::from_quat(q);
+            let axes = [q * Vec3::X, q * Vec3::Y, q * Vec3::Z].map(wide);
+            let (mut above, mut below, mut gloss, mut albedo) = (0.0, 0.0, 0.0, 0.0);
+            // The sky has degree 6 in azimuth, for which 16 spokes are exact. Midpoints along the cosine have an error
+            // below 1e-5.
+            let (rings, spokes) = (1000, 16);
+            for i in 0..rings {
+                let z = (f64::from(i) + 0.5) / f64::from(rings);
+                let s = (1.0 - z * z).sqrt();
+                let h2 = 0.5 * (1.0 + z);
+                let density = (-(1.0 / h2 - 1.0) / (m * m)).exp() / (PI * m * m * h2 * h2);
+                // Along the normal, N·H = V·H, and the cavities are 2 (N·H)(N·L)/(V·H) or 1.
+                let lobe = density * (2.0 * z).min(1.0) / (4.0 * z);
+                for k in 0..spokes {
+                    let phi = 2.0 * PI * (f64::from(k) + 0.5) / f64::from(spokes);
+                    let [x, y] = [s * phi.cos(), s * phi.sin()];
+                    let d = |z: f64| std::array::from_fn(|c| x * axes[0][c] + y * axes[1][c] + z * axes[2][c]);
+                    let share = 2.0 * PI / f64::from(rings * spokes);
+                    let light = sky(d(z));
+                    above += light * z * share / PI;
+                    below += sky(d(-z)) * z * share / PI;
+                    gloss += light * z * lobe * share;
+                    albedo += z * lobe * share;
+                }
+            }
+            renderer.set_scene(&scene).unwrap();
+            let picture = renderer.render(&camera(q * Vec3::Z, 400.0), 9, 9).unwrap();
+            let want = [0, 1, 2].map(|c| f64::from(RHO_D[c]) * above + f64::from(BACK_T[c]) * below + rho_s * gloss);
+            let what = format!("band {band}, tilt {tilt}: above {above:.4}, below {below:.4}, gloss {gloss:.4}");
+            println!("{what}, drawn {:?}, expected {want:?}", picture.hdr[4 * 9 + 4]);
+            agree(&what, picture.hdr[4 * 9 + 4], want, held(&renderer, tolerance));
+            let diffuse = [0, 1, 2].map(|c| f64::from(RHO_D[c]) * (above - 1.0) + f64::from(BACK_T[c]) * (below - 1.0));
+            most[0] = most[0].max(diffuse[1].abs() / want[1]);
+            most[1] = most[1].max(rho_s * (gloss - albedo).abs() / want[1]);
+        }
+        // A band that was missing or wrong would be seen. A cosine has nothing of the odd bands above the first.
+        assert!(most[1] > 20.0 * tolerance, "band {band}: {most:?}");
+        assert!(band == 3 || band == 5 || most[0] > 10.0 * tolerance, "band {band}: {most:?}");
+    }
+}
+
 /// Above the horizon the sky is seen, and below it the ground. The sun's disk is at the sun's place. None of this
 /// counts as a leaf.
 #[test]

@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use glam::{Mat4, Quat, Vec3};
-use mesophyll_viewer::scene::{Instance, Scene};
+use mesophyll_viewer::scene::{Basis, Coefficients, Instance, Interior, Leaf, Scene, SideMaps, Sides, Translucency};
 use std::f64::consts::PI;
 
 /// A camera straight above one side, with x of that side's image to the right.
@@ -176,6 +176,87 @@ fn minified_maps_are_averaged() {
     for y in 2..28 {
         for x in 2..28 {
             assert!((f64::from(picture.radiance(x, y)[0]) / want - 1.0).abs() < 0.02, "pixel {x},{y}");
+        }
+    }
+}
+
+/// Stripes from the upper left to the lower right of a side's own image, 8 texels wide from left to right, and as far
+/// apart.
+fn stripe(k: usize) -> f32 {
+    if (k % 128 + 128 - k / 128) % 16 < 8 { 1.8 } else { 0.2 }
+}
+
+/// A leaf with these stripes in γ and ρt, and in the light that enters, on one side. The other side is black.
+fn striped(front: bool, colours: bool) -> Leaf {
+    let mut leaf = uniform_leaf();
+    (leaf.width, leaf.height) = (128, 128);
+    let grey = |k: usize, v: f32| [v * stripe(k); 3];
+    let all = |v: f32| (0..128 * 128).map(|k| grey(k, v)).collect::<Vec<_>>();
+    let mut side = SideMaps { interior: Interior::Maps { rho_d: all(0.2), rho_t: all(0.2) }, ..SideMaps::black() };
+    if colours {
+        let coefficients = Coefficients::Colour([0.2; 3].map(all));
+        side.translucency = Some(Translucency { basis: Basis::HalfLife2, coefficients });
+    }
+    let none = || vec![[0.0; 3]; 128 * 128];
+    let black = Interior::Maps { rho_d: none(), rho_t: none() };
+    let other = SideMaps { interior: black, ..SideMaps::black() };
+    leaf.sides = if front { Sides { front: side, back: other } } else { Sides { front: other, back: side } };
+    leaf
+}
+
+/// Maps of both sides are filtered along the footprint of the pixel. A leaf that is seen at a slant along its stripes
+/// shows them, and one that is seen across them does not: its pixels are longer than the stripes are wide. The back's
+/// image is compared with an average over each pixel's area, and with the front's in a mirror, pixel by pixel.
+#[test]
+fn maps_of_both_sides_are_filtered_along_the_pixel() {
+    let Some(mut renderer) = renderer() else { return };
+    // 15° over the leaf, a pixel is four times as long as it is wide, and 12 texels long.
+    let (e, pixels) = (15f32.to_radians(), 8u32);
+    let tall = 20.0 / 128.0 * 3.0 * pixels as f32;
+    for along in [true, false] {
+        // The part of the contrast of the stripes that is left, by the average over each pixel's area.
+        for (way, through, colours) in [("seen", false, false), ("through", true, false), ("colours", true, true)] {
+            let mut pictures: Vec<Vec<f64>> = Vec::new();
+            for front in [true, false] {
+                // The back's camera has its own x to the left of the mesh.
+                let mirror = if front { 1.0 } else { -1.0 };
+                let x = if along { 1.0 } else { -1.0 };
+                let seen_from = if through { -mirror } else { mirror };
+                let towards = Vec3::new(mirror * x * e.cos(), -e.cos(), seen_from * 2f32.sqrt() * e.sin());
+                let mut view = camera(towards, 400.0);
+                view.up = Vec3::new(0.0, 0.0, seen_from);
+                view.fov_y_deg = 2.0 * (0.5 * tall / 400.0).atan().to_degrees();
+                let mut scene = scene_of(striped(front, colours));
+                scene.sun = Some(sun(Vec3::new(0.0, 0.0, mirror)));
+                renderer.set_scene(&scene).expect("scene");
+                let picture = renderer.render(&view, 2 * pixels, pixels).expect("picture");
+                let mean = |x: u32, y: u32| {
+                    let n = 16;
+                    let one = |k: u32| {
+                        let p = seen_point(&view, 2 * n * pixels, n * pixels, n * x + k % n, n * y + k / n);
+                        let column = ((0.5 + mirror as f64 * p[0] / 20.0) * 128.0) as usize;
+                        let row = ((0.5 - p[1] / 20.0) * 128.0) as usize;
+                        f64::from(stripe(row * 128 + column))
+                    };
+                    (0..n * n).map(one).sum::<f64>() / f64::from(n * n)
+                };
+                let at = |k: u32| [k % (2 * pixels), k / (2 * pixels)];
+                let right: Vec<f64> = (0..2 * pixels * pixels).map(|k| mean(at(k)[0], at(k)[1])).collect();
+                let found: Vec<f64> = picture.hdr.iter().map(|p| f64::from(p[1])).collect();
+                let scale = found.iter().sum::<f64>() / right.iter().sum::<f64>();
+                let n = right.len() as f64;
+                let rms = |of: &dyn Fn(usize) -> f64| ((0..right.len()).map(|k| of(k).powi(2)).sum::<f64>() / n).sqrt();
+                let contrast = rms(&|k| right[k] - 1.0);
+                let off = rms(&|k| found[k] / scale - right[k]);
+                println!("{way}, along {along}, front {front}: contrast {contrast:.3}, off {off:.3}");
+                // Trilinear samples blur more than the average over the pixel. Filtered across its length, a picture
+                // would lose or gain nearly all of the contrast.
+                assert!(contrast > if along { 0.5 } else { 0.0 }, "{way}, along {along}: {contrast}");
+                assert!(off < 0.2, "{way}, along {along}, front {front}: off by {off}, contrast {contrast}");
+                pictures.push(found);
+            }
+            let apart = pictures[0].iter().zip(&pictures[1]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+            assert!(apart < held(&renderer, 1e-3), "{way}, along {along}: the sides are {apart} apart");
         }
     }
 }

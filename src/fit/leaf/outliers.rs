@@ -87,8 +87,8 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
         (0..3).any(|c| {
             let (centre, scatter) = gamma[c];
             let far = (SCATTERS * scatter).max(BRIGHTNESS.ln());
-            // A deviation of up to four standard errors of ρd is tolerated. A ρd that was cut at zero has γ = 0, which says
-            // nothing about the slab's own reflectance, so the error of γ is taken there.
+            // A deviation of up to four standard errors of ρd is tolerated. A ρd that was cut at zero has γ = 0, which
+            // says nothing about the slab's own reflectance, so the error of γ is taken there.
             let (l, x) = (&wide.locals[k], &texels[k]);
             let of_rho_d = x.rho_d_err[c] / x.rho_d[c].max(1e-9) * l.gamma[c];
             let error = 4.0 * if l.gamma[c] > 0.0 { of_rho_d } else { l.gamma_err[c] };

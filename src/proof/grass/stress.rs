@@ -3,7 +3,8 @@
 use crate::stress::StressRow;
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_fit_grass::blades::Meadow;
+use mesophyll_fit_grass::blades::{Meadow, STEPS};
+use mesophyll_fit_grass::hill::Hill;
 use mesophyll_fit_grass::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
 use mesophyll_fit_grass::march::{Slices, unleant};
 use mesophyll_fit_grass::sheet::{CHANNELS, Edges, Sheet};
@@ -76,6 +77,29 @@ fn row(case: &str, expected: &str, of: impl FnOnce() -> Result<[f64; 3], String>
         condition: None,
         ms,
     }
+}
+
+/// A hill as steep as a scene may have it, with a slope of 0.6 at 300 mm to each side of its top.
+fn steep(slices: &Slices) -> Hill {
+    let radius = 300.0;
+    Hill { middle: 0.1 * DVec2::from(slices.period), height: 0.6 * 0.5f64.exp() * radius, radius }
+}
+
+/// The share of the sun's light that reaches the ground where the hill falls by 0.6 along x. Only the level slice has
+/// blades, with the same opacity everywhere. So their optical depth from above is −ln(1 − opacity), and along another
+/// direction it is as much larger as the projection of blades and the way through the lawn are.
+fn sunny(azimuth_deg: f64) -> Result<[f64; 3], String> {
+    let opacity = 0.5;
+    let even = even(opacity)?;
+    let upright = Sheet::new([64, 32], 16, Edges::Level, |_, _, _| [0.0; CHANNELS]);
+    let cover = Slices::covers(&upright, even.level.as_ref());
+    let projection = std::array::from_fn(|k| 0.4 - 0.2 * k as f64 / STEPS as f64);
+    // The level slice shows more than the blades, so that a share of it is enough in every direction.
+    let slices = Slices { upright, cover, projection, shown: [0.0, 1.0], ..even };
+    let hill = steep(&slices);
+    let (at, sun) = (hill.middle + DVec2::new(hill.radius, 0.0), towards(45.0, azimuth_deg));
+    let depth = -f64::from(1.0 - opacity).ln() * (0.4 - 0.2 * sun.z) / (sun.z + 0.6 * sun.x);
+    Ok([slices.on_ground(&hill, at, sun), (-depth).exp(), 1e-6])
 }
 
 /// The rows of `mesophyll stress grass`.
@@ -171,6 +195,59 @@ pub fn rows() -> Vec<StressRow> {
             let found = s.march_leaning(top, -towards(30.0, 20.0), 1000, 0.0, lean, |_, t| [t[1], t[2], t[3]]);
             Ok([found.opacity.max(found.colour[0]), 0.5, 0.5])
         }),
+        row("irregular, straight down: every rectangle covers what the meadow covers", "ok", || {
+            let (_, s) = small(8)?;
+            let moved = Slices { irregular: Some(7), ..s.clone() };
+            let mean = |s: &Slices, at: [f64; 2]| -> Result<f64, String> {
+                let n = 64;
+                let one = |k: usize| {
+                    let axis = |k: usize, a: usize| (at[a] + (k as f64 + 0.5) / n as f64 - 0.5) * s.period[a];
+                    opacity(s, DVec3::new(axis(k % n, 0), axis(k / n, 1), s.height), DVec3::NEG_Z, 1000)
+                };
+                Ok((0..n * n).map(one).sum::<Result<f64, String>>()? / (n * n) as f64)
+            };
+            let right = mean(&s, [0.0; 2])?;
+            let mut worst = right;
+            for k in 0..25 {
+                let found = mean(&moved, [f64::from(k % 5 - 2), f64::from(k / 5 - 2)])?;
+                worst = if (found - right).abs() > (worst - right).abs() { found } else { worst };
+            }
+            Ok([worst, right, 1e-6])
+        }),
+        row("irregular, 3,000 million rectangles away: opacity stays a share", "ok", || {
+            let s = Slices { irregular: Some(u32::MAX), ..small(8)?.1 };
+            let far = DVec3::new(-3e9 * s.period[0], 3e9 * s.period[1], s.height);
+            Ok([opacity(&s, far, -towards(30.0, 20.0), 1000)?, 0.5, 0.5])
+        }),
+        row("irregular, level along the seam of two rectangles: 1,000 slices", "ok", || {
+            let s = Slices { irregular: Some(7), ..small(8)?.1 };
+            let seam = DVec3::new(3.0, 0.5 * s.period[1], 0.3 * s.height);
+            Ok([opacity(&s, seam, DVec3::X, 1000)?, 1.0, 1e-3])
+        }),
+        row("a hill of no height: as level ground", "ok", || {
+            let (_, s) = small(8)?;
+            let (origin, d) = (DVec3::new(3.0, 4.0, s.height), -towards(40.0, 31.0));
+            let flat = Hill { height: 0.0, ..steep(&s) };
+            Ok([s.march_on(&flat, origin, d, 1000.0, |_, _| [0.0; 3]).0.opacity, opacity(&s, origin, d, 1000)?, 1e-3])
+        }),
+        row("a hollow, straight down its axis: the ground is at its bottom", "ok", || {
+            let (_, s) = small(8)?;
+            let hollow = Hill { height: -steep(&s).height, ..steep(&s) };
+            let origin = hollow.middle.extend(s.height);
+            let (_, ground) = s.march_on(&hollow, origin, DVec3::NEG_Z, 1000.0, |_, _| [0.0; 3]);
+            Ok([ground.ok_or("no ground")?, s.height - hollow.height, 1e-6])
+        }),
+        row("over the ridge of the steepest hill into the lawn behind it: opacity stays a share", "ok", || {
+            let (_, s) = small(8)?;
+            let hill = steep(&s);
+            let d = -towards(20.0, 31.0);
+            let over = hill.middle.extend(hill.height + 0.9 * s.height);
+            let found = s.march_on(&hill, over - d * 200.0, d, 1000.0, |_, t| [t[1], t[2], t[3]]).0;
+            Ok([found.opacity.max(found.colour[0]), 0.5, 0.5])
+        }),
+        row("a slope of 0.6, the sun 45° high before it, level slice alone: its closed form", "ok", || sunny(0.0)),
+        row("the same with the sun at the side", "ok", || sunny(90.0)),
+        row("the same with the sun behind it, 14° over the slope", "ok", || sunny(180.0)),
         row("zero height: no blade stands", "refused: lawn.toml: no blade stands above the ground", || {
             lawn(0.0, [100.0, 100.0]).map(|_| [0.0; 3])
         }),

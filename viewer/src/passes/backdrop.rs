@@ -1,5 +1,5 @@
-//! An environment map that is seen behind everything and lights nothing. It is drawn first in the main pass, in the place
-//! of the background or the sky.
+//! An environment map that is seen behind everything and lights nothing. It is drawn first in the main pass, in the
+//! place of the background or the sky.
 
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_table};

@@ -1,6 +1,6 @@
 // An environment map behind everything. Row 0 is at the zenith, column 0 is towards +x, azimuth turns towards +y. Texel
-// centres lie at half steps; between them the radiance is interpolated. It wraps around in azimuth and is constant beyond
-// the first and the last row.
+// centres lie at half steps; between them the radiance is interpolated. It wraps around in azimuth and is constant
+// beyond the first and the last row.
 
 struct Rays {
     // The ray of a pixel is corner + x·right + y·down.
@@ -31,8 +31,16 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let part = at - floor(at);
     let columns = (vec2i(low.x, low.x + 1) % size.x + size.x) % size.x;
     let rows = clamp(vec2i(low.y, low.y + 1), vec2i(0), vec2i(size.y - 1));
-    let upper = mix(textureLoad(map, vec2i(columns.x, rows.x), 0).rgb, textureLoad(map, vec2i(columns.y, rows.x), 0).rgb, part.x);
-    let lower = mix(textureLoad(map, vec2i(columns.x, rows.y), 0).rgb, textureLoad(map, vec2i(columns.y, rows.y), 0).rgb, part.x);
+    let upper = mix(
+        textureLoad(map, vec2i(columns.x, rows.x), 0).rgb,
+        textureLoad(map, vec2i(columns.y, rows.x), 0).rgb,
+        part.x,
+    );
+    let lower = mix(
+        textureLoad(map, vec2i(columns.x, rows.y), 0).rgb,
+        textureLoad(map, vec2i(columns.y, rows.y), 0).rgb,
+        part.x,
+    );
     // A 16-bit target holds at most 65504. Alpha is the leaves' coverage, so it is 0.
     return vec4f(min(mix(upper, lower, part.y), vec3f(6e4)), 0.0);
 }

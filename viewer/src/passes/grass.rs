@@ -222,7 +222,7 @@ fn layout(gpu: &Gpu, level: bool, wind: bool) -> wgpu::BindGroupLayout {
 }
 
 /// The shader of a lawn under a scene's lights.
-fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
+fn source(gpu: &Gpu, scene: &Scene, grass: &Grass) -> (String, Lights) {
     let lights = Lights::of(scene);
     let variant = Variant {
         lights,
@@ -241,6 +241,8 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
         .set("BILLBOARDS", grass.billboards)
         .set("IRREGULAR", grass.irregular.is_some())
         .set("HILL", grass.hill.is_some())
+        // Blades over a ridge cover samples. OpenGL has no masks of samples.
+        .set("SAMPLE_MASK", grass.hill.is_some() && scene.msaa > 1 && !gpu.is_gl())
         .constant("STEPS", grass.steps);
     let defines = grass.irregular.iter().fold(defines, |all, seed| all.constant("IRREGULAR_SEED", *seed));
     let shared = [bend::SOURCE, include_str!("main.wgsl"), &light(&variant)];
@@ -248,7 +250,7 @@ fn source(scene: &Scene, grass: &Grass) -> (String, Lights) {
 }
 
 fn pipeline(gpu: &Gpu, scene: &Scene, grass: &Grass, own: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
-    let (source, lights) = source(scene, grass);
+    let (source, lights) = source(gpu, scene, grass);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("grass"),
         source: wgpu::ShaderSource::Wgsl(source.into()),

@@ -163,12 +163,12 @@ fn shade(place: Place, facing: Facing, world: vec3f) -> vec3f {
     //#endif
     //#endif
     //#if SUN
-    // In full shadow, no map is read for the sun.
-    let sun = sunlight(facing, world);
-    if (max(sun.r, max(sun.g, sun.b)) > 0.0) {
-        let light = frame.sun_direction.xyz;
-        let cosine = dot(light, facing.flat_normal);
-        if (cosine > 0.0) {
+    // Shadow maps are read only where sunlight would be seen. In full shadow, no map is read for the sun's highlight.
+    let light = frame.sun_direction.xyz;
+    let cosine = dot(light, facing.flat_normal);
+    if (cosine > 0.0) {
+        let sun = sunlight(facing, world);
+        if (max(sun.r, max(sun.g, sun.b)) > 0.0) {
             //#if !SKY
             let reflectance = reflectance_at(facing.front, place);
             //#endif
@@ -182,11 +182,16 @@ fn shade(place: Place, facing: Facing, world: vec3f) -> vec3f {
             //#else
             out += sun * max(0.0, dot(viewed, light)) * reflectance * 0.318309886;
             //#endif
-        } else if (cosine < 0.0) {
-            //#if !SKY
-            let transmittance = needed_transmittance(!facing.front, place);
-            //#endif
-            out += sun * through(place, facing, light, transmittance) * 0.318309886;
+        }
+    } else if (cosine < 0.0) {
+        //#if !SKY
+        let transmittance = needed_transmittance(!facing.front, place);
+        //#endif
+        if (lets_through(!facing.front, transmittance)) {
+            let sun = sunlight(facing, world);
+            if (max(sun.r, max(sun.g, sun.b)) > 0.0) {
+                out += sun * through(place, facing, light, transmittance) * 0.318309886;
+            }
         }
     }
     //#endif

@@ -13,9 +13,10 @@ struct Place {
 // The mean of the map over the pixel. Up to 16 trilinear samples lie along the longer axis of the pixel's footprint,
 // each as wide as the shorter axis. So a blade that is seen at a slant is not blurred along its veins. The anisotropic
 // filters of samplers also blur magnified maps on some adapters (Mesa's software adapter is one). Here, a footprint of
-// less than a texel is one bilinear sample on every adapter.
-fn at(map: texture_2d<f32>, uv: vec2f, place: Place) -> vec4f {
-    let print = footprint(vec2f(textureDimensions(map)), place);
+// less than a texel is one bilinear sample on every adapter. `mirror` is (1, 1) for the front's map and (-1, 1) for the
+// back's: u runs the other way there, and so does the footprint's axis.
+fn at(map: texture_2d<f32>, uv: vec2f, mirror: vec2f, place: Place) -> vec4f {
+    let print = footprint(vec2f(textureDimensions(map)), mirror, place);
     var sum = vec4f(0.0);
     for (var i = 0.0; i < print.steps; i += 1.0) {
         sum += textureSampleLevel(map, map_sampler, uv + print.axis * ((i + 0.5) / print.steps - 0.5), print.lod);
@@ -29,20 +30,20 @@ struct Footprint {
     lod: f32,
 }
 
-fn footprint(size: vec2f, place: Place) -> Footprint {
+fn footprint(size: vec2f, mirror: vec2f, place: Place) -> Footprint {
     let across = length(place.dx * size);
     let down = length(place.dy * size);
     let longer = max(across, down);
     let shorter = max(min(across, down), 1.0);
     let steps = clamp(ceil(longer / shorter - 0.01), 1.0, 16.0);
     let lod = log2(max(max(longer / steps, shorter), 1.0));
-    return Footprint(select(place.dy, place.dx, across >= down), steps, lod);
+    return Footprint(mirror * select(place.dy, place.dx, across >= down), steps, lod);
 }
 
 //#if COLOUR
 // As `at`, for three layers. Each channel is the product of one layer's mean with a direction.
-fn colour_at(map: texture_2d_array<f32>, uv: vec2f, place: Place, direction: vec3f) -> vec3f {
-    let print = footprint(vec2f(textureDimensions(map)), place);
+fn colour_at(map: texture_2d_array<f32>, uv: vec2f, mirror: vec2f, place: Place, direction: vec3f) -> vec3f {
+    let print = footprint(vec2f(textureDimensions(map)), mirror, place);
     var sum = vec3f(0.0);
     for (var i = 0.0; i < print.steps; i += 1.0) {
         let here = uv + print.axis * ((i + 0.5) / print.steps - 0.5);
@@ -97,6 +98,24 @@ fn needed_transmittance(front: bool, place: Place) -> vec3f {
     //#endif
 }
 //#endif
+//#endif
+
+//#if SUN
+// Whether any light of a beam that enters a side comes through. Colour maps say it themselves, whatever ρt is.
+fn lets_through(front: bool, transmittance: vec3f) -> bool {
+    let some = max(transmittance.r, max(transmittance.g, transmittance.b)) > 0.0;
+    //#if FRONT_COLOUR
+    if (front) {
+        return true;
+    }
+    //#endif
+    //#if BACK_COLOUR
+    if (!front) {
+        return true;
+    }
+    //#endif
+    return some;
+}
 //#endif
 
 //#if GLOSS

@@ -28,13 +28,16 @@
 //#endif
 
 //#if LIT
+// The direction in which this side's maps run, relative to the front's u and v.
+const $side_mirror: vec2f = vec2f($-1.0, 1.0);
+
 fn $side_reflectance(place: Place) -> vec3f {
     //#if CURVE
-    let gamma_delta = at($side_gamma_delta, place.$side, place);
+    let gamma_delta = at($side_gamma_delta, place.$side, $side_mirror, place);
     return gamma_delta.rgb * slab($side_curve, constants.$side_curve, constants.leaf.x + gamma_delta.a, 0);
     //#else
     //#if MAPS
-    return at($side_rho_d, place.$side, place).rgb;
+    return at($side_rho_d, place.$side, $side_mirror, place).rgb;
     //#else
     return vec3f(0.0);
     //#endif
@@ -43,10 +46,11 @@ fn $side_reflectance(place: Place) -> vec3f {
 
 fn $side_transmittance(place: Place) -> vec3f {
     //#if CURVE
-    return slab($side_curve, constants.$side_curve, constants.leaf.x + at($side_gamma_delta, place.$side, place).a, 1);
+    let thickness = constants.leaf.x + at($side_gamma_delta, place.$side, $side_mirror, place).a;
+    return slab($side_curve, constants.$side_curve, thickness, 1);
     //#else
     //#if MAPS
-    return at($side_rho_t, place.$side, place).rgb;
+    return at($side_rho_t, place.$side, $side_mirror, place).rgb;
     //#else
     return vec3f(0.0);
     //#endif
@@ -57,7 +61,7 @@ fn $side_transmittance(place: Place) -> vec3f {
 //#if TANGENT
 fn $side_mapped(place: Place, axes: Basis) -> vec3f {
     //#if NORMAL
-    let n = at($side_normal, place.$side, place).xyz;
+    let n = at($side_normal, place.$side, $side_mirror, place).xyz;
     return normalize($-n.x * axes.tangent + n.y * axes.bitangent + $-n.z * axes.normal);
     //#else
     return $-axes.normal;
@@ -68,7 +72,7 @@ fn $side_mapped(place: Place, axes: Basis) -> vec3f {
 //#if GLOSS
 fn $side_gloss_at(place: Place) -> vec4f {
     //#if GLOSS_MAP
-    return at($side_gloss, place.$side, place);
+    return at($side_gloss, place.$side, $side_mirror, place);
     //#else
     return vec4f(0.0, 0.0, 0.0, 1.0);
     //#endif
@@ -81,9 +85,9 @@ fn $side_gloss_at(place: Place) -> vec4f {
 fn $side_through(place: Place, omega: vec3f, transmittance: vec3f) -> vec3f {
     let own = vec3f($-omega.x, omega.y, $-omega.z);
     //#if COLOUR
-    return max(vec3f(0.0), colour_at($side_translucency, place.$side, place, own));
+    return max(vec3f(0.0), colour_at($side_translucency, place.$side, $side_mirror, place, own));
     //#else
-    return max(0.0, dot(at($side_translucency, place.$side, place).xyz, own)) * transmittance;
+    return max(0.0, dot(at($side_translucency, place.$side, $side_mirror, place).xyz, own)) * transmittance;
     //#endif
 }
 //#endif

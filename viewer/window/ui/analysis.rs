@@ -1,5 +1,5 @@
-//! The picture in numbers, as image viewers have it: a histogram of what is shown, the luminance in false colours over a
-//! logarithmic scale, and the radiance under the pointer. All of it is read from the picture at rest.
+//! The picture in numbers, as image viewers have it: a histogram of what is shown, the luminance in false colours over
+//! a logarithmic scale, and the radiance under the pointer. All of it is read from the picture at rest.
 
 use super::{Job, ViewerUi};
 use egui::{Color32, ColorImage, Rect, RichText, Sense, Stroke, StrokeKind, TextureHandle, TextureOptions, pos2, vec2};

@@ -1,5 +1,5 @@
-//! The check view: picture, reference and their difference, side by side, in turns or parted by a line, with the verdict and its
-//! thresholds.
+//! The check view: picture, reference and their difference, side by side, in turns or parted by a line, with the
+//! verdict and its thresholds.
 
 use super::ViewerUi;
 use super::compare::part;

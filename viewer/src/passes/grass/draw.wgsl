@@ -4,6 +4,9 @@
 struct GrassOut {
     @location(0) colour: vec4f,
     @builtin(frag_depth) depth: f32,
+    //#if SAMPLE_MASK
+    @builtin(sample_mask) samples: u32,
+    //#endif
 }
 
 //#if !HILL
@@ -121,6 +124,12 @@ fn shown_at(world: vec3f, light: Both) -> GrassOut {
     radiance += seen.sun;
     //#endif
     let clip = frame.view_projection * vec4f(world, 1.0);
-    return GrassOut(held(radiance), clamp(clip.z / clip.w, 0.0, 1.0));
+    var out: GrassOut;
+    out.colour = held(radiance);
+    out.depth = clamp(clip.z / clip.w, 0.0, 1.0);
+    //#if SAMPLE_MASK
+    out.samples = 15u;
+    //#endif
+    return out;
 }
 //#endif

@@ -3,9 +3,8 @@
 // for between two crossings.
 
 //#if HILL
-// Steps towards the lawn, halvings of a piece in which a root is, and pieces of a ray that are in the lawn one after
-// the other, where the ray leaves it over a ridge.
-const HILL_STEPS: u32 = 128u;
+// Halvings of a piece of a ray in which one value is, and pieces of a ray that are in the lawn one after the other,
+// where the ray leaves it over a ridge.
 const HILL_HALVINGS: u32 = 20u;
 const HILL_PIECES: u32 = 4u;
 
@@ -37,28 +36,52 @@ fn hill_over(p: vec3f) -> vec3f {
     return vec3f(p.xy, p.z - hill_rise(p.xy));
 }
 
-// Where a ray comes into the lawn from above, or slightly before; FAR where it does not before `end`. No step is longer
-// than the ray would need where the hill is steepest. After HILL_STEPS steps it is the place that was reached.
-fn hill_entry(eye: vec3f, d: vec3f, start: f32, end: f32) -> f32 {
-    let falls = abs(grass.rays[2].w) * sqrt(2.0 * grass.below.w) * 0.60653066 * length(d.xy) - d.z;
-    let little = 0.01 * grass.base.w;
-    var t = start;
-    for (var i = 0u; i < HILL_STEPS; i++) {
-        let place = eye + t * d;
-        let gap = hill_over(place).z - grass.base.w;
-        // A ray that has just left the lawn is as near, but rises.
-        if (gap <= 0.0 || (gap < little && sheared(d, place.xy).z < 0.0)) {
-            return t;
-        }
-        if (falls <= 0.0) {
-            return FAR;
-        }
-        t += max(gap, little) / falls;
-        if (t >= end) {
-            return FAR;
-        }
+// How fast a ray's height over the ground changes.
+fn hill_falling(eye: vec3f, d: vec3f, t: f32) -> f32 {
+    return sheared(d, eye.xy + t * d.xy).z;
+}
+
+// Where a ray comes down to the height `over` over the ground: `start` where it is below this height there, FAR where
+// it does not come down to it before `end`. Along a ray, the height over the ground is a straight line less a
+// Gaussian, whose second derivative has two zeros: one standard deviation to each side of the place where the ray is
+// nearest to the hill's axis. Between them, the height falls or rises evenly, or it has one lowest or one highest
+// place. So it is split into pieces that only fall or only rise, of which none can hide a crossing.
+fn hill_down(eye: vec3f, d: vec3f, start: f32, end: f32, over: f32) -> f32 {
+    if (hill_over(eye + start * d).z <= over) {
+        return start;
     }
-    return t;
+    let across = dot(d.xy, d.xy);
+    let nearest = dot(vec2f(grass.rays[0].w, grass.rays[1].w) - eye.xy, d.xy) / max(across, 1e-12);
+    let away = inverseSqrt(max(2.0 * grass.below.w * across, 1e-12));
+    var ends = clamp(vec3f(nearest - away, nearest + away, end), vec3f(start), vec3f(end));
+    var begin = start;
+    for (var k = 0; k < 3; k++) {
+        let to = ends[k];
+        // The lowest or highest place of this piece, if there is one.
+        var turns = to;
+        let falls = hill_falling(eye, d, begin) < 0.0;
+        if ((hill_falling(eye, d, to) < 0.0) != falls) {
+            var a = begin;
+            var b = to;
+            for (var i = 0u; i < HILL_HALVINGS; i++) {
+                let middle = 0.5 * (a + b);
+                if ((hill_falling(eye, d, middle) < 0.0) == falls) {
+                    a = middle;
+                } else {
+                    b = middle;
+                }
+            }
+            turns = 0.5 * (a + b);
+        }
+        if (hill_over(eye + turns * d).z <= over) {
+            return hill_root(eye, d, begin, turns, over);
+        }
+        if (hill_over(eye + to * d).z <= over) {
+            return hill_root(eye, d, turns, to, over);
+        }
+        begin = to;
+    }
+    return FAR;
 }
 
 // Where the height over the ground passes `over` between two distances.
@@ -82,6 +105,7 @@ struct HillRay {
     seen: Both,
     left: f32,
     depth: f32,
+    nearest: f32,
 }
 
 fn hill_gather(ray: ptr<function, HillRay>, c: Crossing, t: f32, d: vec3f, all: Overall) {
@@ -89,10 +113,28 @@ fn hill_gather(ray: ptr<function, HillRay>, c: Crossing, t: f32, d: vec3f, all: 
     (*ray).seen.sky += (*ray).left * hit.light.sky;
     (*ray).seen.sun += (*ray).left * hit.light.sun;
     (*ray).left *= 1.0 - hit.opacity;
+    if (hit.opacity > 0.0 && (*ray).nearest < 0.0) {
+        (*ray).nearest = t;
+    }
     if ((*ray).left <= 0.5 && (*ray).depth < 0.0) {
         (*ray).depth = t;
     }
 }
+
+//#if SAMPLE_MASK
+// The samples of a pixel that blades of this opacity cover before the sky. In the mean over 4 x 4 pixels, they are
+// the share that the opacity says: Bayer's matrix rounds up or down. Which ones they are turns from pixel to pixel,
+// so that no sample is preferred.
+fn covering(opacity: f32, at: vec2f) -> u32 {
+    let p = vec2u(at) & vec2u(3u);
+    let low = p & vec2u(1u);
+    let high = p >> vec2u(1u);
+    let order = 4u * (2u * (low.x ^ low.y) + low.y) + 2u * (high.x ^ high.y) + high.y;
+    let count = u32(4.0 * opacity + (f32(order) + 0.5) / 16.0);
+    let some = ((1u << min(count, 4u)) - 1u) << (order & 3u);
+    return (some | (some >> 4u)) & 15u;
+}
+//#endif
 
 //#if !BILLBOARDS
 @fragment
@@ -107,13 +149,13 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     let end = min(leaves.x, min(leaves.y, leaves.z));
     var start = max(0.0, max(enters.x, max(enters.y, enters.z)));
     let all = overall();
-    var ray = HillRay(Both(vec3f(0.0), vec3f(0.0)), 1.0, -1.0);
+    var ray = HillRay(Both(vec3f(0.0), vec3f(0.0)), 1.0, -1.0, -1.0);
     // The distance at which the ray reaches the ground, and the one at which it was cut off.
     var ground = -1.0;
     var cut = -1.0;
     var steps = 0u;
     for (var piece = 0u; piece < HILL_PIECES && ground < 0.0 && cut < 0.0 && ray.left >= STOPPED; piece++) {
-        let first = hill_entry(eye, d, start, end);
+        let first = hill_down(eye, d, start, end, grass.base.w);
         if (first >= end) {
             break;
         }
@@ -166,9 +208,26 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
             was = place.z;
         }
     }
-    // Rays are filled as over level ground.
+    // Rays are filled as over level ground. Where too little was gathered to fill a ray that was cut off, the ground
+    // is seen. A ray that leaves the lawn over a ridge has the colour of its blades on as many samples as its opacity
+    // says.
     let opacity = 1.0 - ray.left;
-    let filled = ray.left < STOPPED || (cut >= 0.0 && opacity >= LITTLE) || (ground < 0.0 && opacity >= 0.5);
+    if (cut >= 0.0 && opacity < LITTLE) {
+        ground = hill_down(eye, d, cut, end, 0.0);
+        if (ground >= end) {
+            discard;
+        }
+    }
+    var filled = ray.left < STOPPED || (cut >= 0.0 && opacity >= LITTLE);
+    //#if SAMPLE_MASK
+    var samples = 15u;
+    if (!filled && ground < 0.0) {
+        samples = covering(opacity, position.xy);
+        filled = samples != 0u;
+    }
+    //#else
+    filled = filled || (ground < 0.0 && opacity >= 0.5);
+    //#endif
     if (!filled && ground < 0.0) {
         discard;
     }
@@ -177,7 +236,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         ray.seen.sky /= opacity;
         ray.seen.sun /= opacity;
         if (at < 0.0) {
-            at = cut;
+            at = select(ray.nearest, cut, cut >= 0.0);
         }
     } else {
         let soil = on_soil(vec3f((eye + ground * d).xy, 0.0), level_at(ground), all);
@@ -190,7 +249,11 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
             at = ground - before / max(-sheared(d, (eye + ground * d).xy).z, 0.05);
         }
     }
-    return shown_at(grass.base.xyz + eye + d * at, ray.seen);
+    var out = shown_at(grass.base.xyz + eye + d * at, ray.seen);
+    //#if SAMPLE_MASK
+    out.samples = samples;
+    //#endif
+    return out;
 }
 //#endif
 //#endif

@@ -112,13 +112,14 @@ fn part(one: f32, all: f32) -> f32 {
 // The shares of the optical depth that count along d, for upright slices and for the level one.
 fn weights(along: vec3f) -> vec2f {
     var d = along;
-    //#if WIND || HILL
+    //#if WIND
     d = normalize(along);
     //#endif
     return shares(d, d.z);
 }
 
-// The same where the height over the ground changes by `falls` along the ray.
+// The same along a unit vector where the height over the ground changes by `falls`. A hill lifts blades and turns none,
+// so that their projection is that of the ray's own direction.
 fn shares(d: vec3f, falls: f32) -> vec2f {
     let wanted = table(PROJECTION, d.z);
     let upright = grass.shown.x * (abs(d.x) + abs(d.y));

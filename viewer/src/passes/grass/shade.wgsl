@@ -107,10 +107,11 @@ fn struck(
         // The slope hides a sun that is behind it.
         own_to = sheared(to, c.place.xy);
         if (own_to.z > 0.0) {
-            arrives = arriving_at(c, reflects.w / what.w, d, own_to, level);
+            let own_d = sheared(d, c.place.xy);
+            arrives = arriving_at(c, reflects.w / what.w, own_d, own_to, shares(to, own_to.z), level);
         }
         //#else
-        arrives = arriving_at(c, reflects.w / what.w, d, own_to, level);
+        arrives = arriving_at(c, reflects.w / what.w, d, own_to, weights(own_to), level);
         //#endif
         let e = frame.sun_irradiance.rgb * 0.318309886;
         out.light.sun = share * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
@@ -135,9 +136,12 @@ fn on_soil(place: vec3f, level: f32, all: Overall) -> Both {
         //#if HILL
         own_to = sheared(to, place.xy);
         cosine = max(own_to.z, 0.0) * inverseSqrt(1.0 + dot(hill_slope(place.xy), hill_slope(place.xy)));
+        let weight = shares(to, own_to.z);
+        //#else
+        let weight = weights(own_to);
         //#endif
         if (cosine > 0.0) {
-            soil.sun = e * cosine * passing(walk_from(place, own_to, NOTHING, 0), own_to, level);
+            soil.sun = e * cosine * passing(walk_from(place, own_to, NOTHING, 0), weight, level);
         }
         soil.sun += (1.0 - grass.shown.z) * around(0.0, e * all.scattered * entry(SUNLIT, 0u));
     }

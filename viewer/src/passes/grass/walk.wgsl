@@ -81,17 +81,18 @@ fn following(walk: ptr<function, Walk>) -> Crossing {
 // Every rectangle shows the meadow moved by a random number of these parts of its sides.
 const SHIFTS: f32 = 8.0;
 
-// How many parts a rectangle is moved by, along x and along y. The hash is pcg2d (Jarzynski and Olano 2020).
+// How many parts a rectangle is moved by, along x and along y. The hash is pcg3d of the rectangle and the seed
+// (Jarzynski and Olano 2020), of whose numbers the highest bits count.
 fn shifted(rectangle: vec2f) -> vec2f {
-    var v = bitcast<vec2u>(vec2i(rectangle + vec2f(grass.soil.w, grass.scatter.w)));
-    v = (v + vec2u(IRREGULAR_SEED, 0u)) * 1664525u + 1013904223u;
-    v.x += v.y * 1664525u;
-    v.y += v.x * 1664525u;
-    v ^= v >> vec2u(16u);
-    v.x += v.y * 1664525u;
-    v.y += v.x * 1664525u;
-    v ^= v >> vec2u(16u);
-    return vec2f(v % vec2u(u32(SHIFTS)));
+    let at = bitcast<vec2u>(vec2i(rectangle + vec2f(grass.soil.w, grass.scatter.w)));
+    var v = vec3u(at, IRREGULAR_SEED) * 1664525u + 1013904223u;
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v ^= v >> vec3u(16u);
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    return vec2f(((v.xy >> vec2u(16u)) * u32(SHIFTS)) >> vec2u(16u));
 }
 //#endif
 
@@ -135,9 +136,8 @@ fn sliced(crossing: Crossing, layer: i32, level: f32) -> vec4f {
     return textureSampleLevel(upright_slices, slice_sampler, at / size, layer, level);
 }
 
-// Share of the light from `to` that passes all slices ahead.
-fn passing(start: Walk, to: vec3f, level: f32) -> f32 {
-    let weight = weights(to);
+// Share of the light that passes all slices ahead, of which the shares `weight` count.
+fn passing(start: Walk, weight: vec2f, level: f32) -> f32 {
     var walk = start;
     var left = 1.0;
     for (var i = 0u; i < STEPS; i++) {
@@ -152,9 +152,9 @@ fn passing(start: Walk, to: vec3f, level: f32) -> f32 {
 }
 
 // Share of the light from `to` that arrives at the part of a slice that a ray along d sees. `within` is the place of
-// the blade in the slab (0 to 1).
-fn arriving_at(crossing: Crossing, within: f32, d: vec3f, to: vec3f, level: f32) -> f32 {
-    let weight = weights(to);
+// the blade in the slab (0 to 1), and `weight` has the shares of the slices that count along `to`. Both directions are
+// relative to the lawn's ground.
+fn arriving_at(crossing: Crossing, within: f32, d: vec3f, to: vec3f, weight: vec2f, level: f32) -> f32 {
     let steps = steps_apart();
     var place = crossing.place;
     let behind = 1.0 - within;
@@ -176,5 +176,5 @@ fn arriving_at(crossing: Crossing, within: f32, d: vec3f, to: vec3f, level: f32)
     if (ahead > 0.0) {
         left -= covered(crossing.across, height) * counted(crossing.across, height, w * ahead);
     }
-    return left * passing(walk_from(place, to, crossing.across, crossing.index), to, level);
+    return left * passing(walk_from(place, to, crossing.across, crossing.index), weight, level);
 }
