@@ -5,13 +5,14 @@
 #   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or the renderer
 #   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
 #   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
+#   make web     the viewer as a page for browsers, out/web/; docs/web.md says how scenes get there
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens gallery book build wheel setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery book web build wheel setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`.
 # $(1) is the report.
@@ -74,6 +75,20 @@ book:
 	@mv out/book/docs/book.toml out/book
 	@sed 's|](|](docs/|; s|](docs/\.\./|](|' docs/SUMMARY.md >out/book/SUMMARY.md
 	@mdbook build -d "$(CURDIR)/out/book/html" out/book
+
+# WEB_ENV and WEB_FLAGS are for compilers that do not come from rustup (docs/web.md).
+web: out = $${CARGO_TARGET_DIR:-target}
+web:
+	@[ -n "$(WEB_FLAGS)" ] || [ -d "$$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" ] || { \
+	    echo "No page: Rust's target for browsers is missing;" \
+	        "\`rustup target add wasm32-unknown-unknown\` brings it" >&2; \
+	    echo "(docs/web.md says how to build it without rustup)" >&2; exit 1; }
+	$(WEB_ENV) $(CARGO) build --release --locked -p mesophyll-web --target wasm32-unknown-unknown $(WEB_FLAGS)
+	@mkdir -p out/web
+	$(CARGO) run --locked -p mesophyll-web --features bindgen --bin mesophyll-bindgen -- \
+	    $(out)/wasm32-unknown-unknown/release/mesophyll_web.wasm out/web
+	@cp viewer/web/page/* out/web
+	@echo "Done: the page is in out/web; \`python3 -m http.server -d out/web\` serves it at http://localhost:8000"
 
 build: setup
 	$(CARGO) build --release --locked

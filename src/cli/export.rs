@@ -28,6 +28,7 @@ use strum::IntoEnumIterator;
   mesophyll export data/scenes/breeze.toml --time 2.5 --to gltf -o posed.glb
   mesophyll export data/scenes/breeze.toml --from 0 --until 2 --step 0.04 --to gltf -o swaying.glb
   mesophyll export data/scenes/breeze.toml --to pivots -o pivots
+  mesophyll export data/scenes/glossy-sky.toml --to web -o glossy-sky.mesophyll
   mesophyll fit sky -o out/sky && mesophyll export out/sky --to wgsl -o sky.wgsl
   mesophyll export out/sky --to c --sun-zenith-deg 40 --turbidity 3 --ground 0.2 -o noon.h")]
 pub struct Args {
@@ -56,6 +57,10 @@ pub struct Args {
     /// Scenes only: step (s) between two keys of the animation
     #[arg(long, value_name = "S", default_value_t = 0.04, allow_negative_numbers = true, requires = "from")]
     step: f64,
+    /// Web only: folder of a run or check of the scene, whose fits and reference pictures are taken. Data that the
+    /// scene still lacks are made there (default: out/check/SCENE)
+    #[arg(long, value_name = "DIR", value_parser = super::place::folder())]
+    run: Option<PathBuf>,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
     #[arg(long, value_name = "DEG", requires = "turbidity")]
     sun_zenith_deg: Option<f64>,
@@ -151,7 +156,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if scene && args.folder.file_name().is_some_and(|name| name == "fit.toml") {
         return Err(Error::input(&args.folder, "found the record of a fit, expected the fit's folder, or a scene"));
     }
-    if scene && !matches!(format, Format::Gltf | Format::Pivots) && !format.holds_scenes() {
+    if let Some(run) = args.run.as_ref().filter(|_| format != Format::Web) {
+        return Err(Error::argument("--run", run.display(), "--to web beside it"));
+    }
+    if scene && !matches!(format, Format::Gltf | Format::Pivots | Format::Web) && !format.holds_scenes() {
         return Err(Error::Usage(format!(
             "--to {}: {} is a scene, whose plants can be exported as gltf or pivots, and which as a whole can be \
              exported as {}; expected a fit folder for other formats",
@@ -184,6 +192,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
     let done: Exported = place::file(&args.output, |path| match times {
+        _ if format == Format::Web => web(args, scene, path),
         Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
         None if scene && format == Format::Pivots => pivots(&args.folder, path).map(Into::into),
         None if scene && format.holds_scenes() => whole(args, format, path),
@@ -233,6 +242,52 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
         shown.left_out.push("translucency maps: the sun passes by the transmittance and the cosine alone".into());
     }
     assemble(&shown, format, path, true, &[&args.folder])
+}
+
+/// A scene, or a leaf in a scene around it, for the viewer in a browser.
+#[cfg(feature = "render")]
+fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
+    use mesophyll_files::atomic;
+    use mesophyll_placed::{Placed, fits::missing};
+    use mesophyll_scene::web;
+
+    if args.time.is_some() || args.from.is_some() {
+        return Err(Error::Usage("--to web: the plants stand as in the first view; expected no time".into()));
+    }
+    let manifest = if is_scene { Manifest::read(&args.folder)? } else { web::around(&args.folder)? };
+    let ledger = Ledger::new();
+    let run = args.run.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
+    let out = args.run.as_deref();
+    let search = Search { out, input_hash: Some(&missing::input_hash), free: true };
+    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    if let Some(missing) = placed.unfitted().first() {
+        let leaf = format!("leaf \"{}\"", manifest.leaves[*missing].name);
+        let why = "not fitted yet; `mesophyll run` fits it, then give its folder by --run";
+        return Err(Error::field(&manifest.path, &leaf, why));
+    }
+    placed.make_translucency(&manifest, &run, search, &ledger)?;
+    placed.out = Some(run.clone());
+    let mut scene = Scene::new(manifest, placed, &ledger)?;
+    scene.find_transfer(&run, &ledger)?;
+    let mut bundle = web::bundle(&scene, &run, &ledger)?;
+    if !is_scene {
+        web::aim(&mut bundle);
+    }
+    let bytes = bundle.write().map_err(|e| Error::Usage(format!("{}: {e}", args.folder.display())))?;
+    atomic::write_bytes(path, &bytes)?;
+    let with = bundle.views.iter().filter(|v| v.reference.is_some()).count();
+    progress::say(format_args!(
+        "{} of {} views have a reference picture from {}; drop the file onto the page that `make web` builds",
+        with,
+        bundle.views.len(),
+        run.display()
+    ));
+    Ok(vec![path.to_path_buf()].into())
+}
+
+#[cfg(not(feature = "render"))]
+fn web(_: &Args, _: bool, _: &Path) -> Result<Exported> {
+    Err(Error::Missed("nothing to export: this build has no renderer (feature `render`)".into()))
 }
 
 /// A scene whose plants are written, and a sentence about what is not.

@@ -71,6 +71,9 @@ pub enum Format {
     /// Of a scene: a folder with its plants at rest as meshes, and textures of the pivot, axis, length and parent of
     /// every branch and leaf, for the foliage materials of game engines
     Pivots,
+    /// A leaf or a whole scene as one file for the viewer in a browser (docs/web.md): whatever the window shows, with
+    /// the reference pictures of a check
+    Web,
     /// A sky's fitted harmonics with an evaluator for shaders, f32
     Wgsl,
     /// A sky's fitted harmonics with an evaluator as a C header, float or double
@@ -113,6 +116,7 @@ impl Format {
             Format::Usd => &["usda", "exr", "json"],
             Format::Blender => &["py", "glb", "exr", "json"],
             Format::Materialx => &["mtlx", "exr", "json"],
+            Format::Web => &["mesophyll"],
             Format::Wgsl => &["wgsl"],
             Format::C => &["h"],
         }
@@ -198,6 +202,9 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         let what = format!("{} is a {} fit; --to pivots is for scenes with plants", folder.display(), record.kind);
         return Err(Error::Usage(what));
     }
+    if format == Format::Web {
+        return Err(Error::Usage("--to web: the file holds what the renderer draws, so it is made of a scene".into()));
+    }
     if record.kind == FitKind::Sky {
         if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
             let what = format!(
@@ -241,7 +248,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     warn_of_changes();
     let alone = || vec![path.to_path_buf()];
     Ok(match format {
-        Format::Json | Format::Pivots | Format::Wgsl | Format::C => Vec::new().into(),
+        Format::Json | Format::Pivots | Format::Web | Format::Wgsl | Format::C => Vec::new().into(),
         Format::Png => texture::folder(&sides, folder, path)?.into(),
         Format::Packed => packed::folder(&sides, folder, path)?.into(),
         Format::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),

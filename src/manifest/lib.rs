@@ -103,11 +103,17 @@ impl Manifest {
     /// # Errors
     /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Manifest> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let mut manifest: Manifest =
-            toml::from_str(&text).map_err(|e| gone(path, &text, Error::toml(path, &text, &e)))?;
+        Manifest::parse(&std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?, path)
+    }
+
+    /// Validates the text of a scene file. Names of other files in it are relative to the folder of `path`.
+    ///
+    /// # Errors
+    /// As [`Manifest::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Manifest> {
+        let mut manifest: Manifest = toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;
         manifest.path = path.to_path_buf();
-        validate::validate(&manifest, &text)?;
+        validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
         manifest.share();
         manifest.spread()?;

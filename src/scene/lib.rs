@@ -16,6 +16,8 @@ pub mod plan;
 pub mod traced;
 pub mod transfer;
 #[cfg(feature = "render")]
+pub mod web;
+#[cfg(feature = "render")]
 pub mod window;
 
 pub(crate) use mesophyll_error::{Error, Result};

@@ -2,10 +2,10 @@
 //! renderer evaluates them: three coefficients for each texel, one dot product. The fits know more functions than
 //! these.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Functions of the direction ω towards the light in the lit side's frame (x right, y up, z out of the side).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Basis {
     /// As published: the three √(3/2π) H_i·ω with the axes H_i of the Half-Life 2 basis (McTaggart 2004).
     #[default]

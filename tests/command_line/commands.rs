@@ -14,10 +14,11 @@ const TISSUE: &str = "its texels have to be this fine, so it cannot be made smal
 const TRACED: &str = "slices are made and blades are traced without optimisation: a minute a view";
 
 /// Commands that are not run, with the reason.
-const LEFT_OUT: [(&str, &str); 31] = [
+const LEFT_OUT: [(&str, &str); 32] = [
     ("make demo", "it builds an optimised program and runs the demo scene: minutes"),
     ("make test", "it runs this test"),
     ("make full", "two gigabytes of frames"),
+    ("make web", "it builds an optimised module, for which Rust's target for browsers is needed: minutes"),
     ("make wheel", "it builds an optimised module: minutes"),
     ("make gallery", "large pictures are traced: an hour"),
     ("cargo build --release", "it builds an optimised program: minutes"),
@@ -218,6 +219,11 @@ fn the_commands_of_the_export_page_run() {
 }
 
 #[test]
+fn the_commands_of_the_web_page_run() {
+    assert_eq!(run_page("docs/web.md", false), [1, 1]);
+}
+
+#[test]
 fn the_commands_of_the_photo_page_run() {
     assert_eq!(run_page("docs/photo.md", false), [5, 0]);
 }
@@ -248,6 +254,7 @@ fn the_list_of_what_is_left_out_is_true() {
             "good.md",
             "export.md",
             "photo.md",
+            "web.md",
         ]
         .iter()
         .any(|page| file.ends_with(page));

@@ -15,3 +15,4 @@ mod report;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod sky_export;
+mod web;

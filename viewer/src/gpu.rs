@@ -64,7 +64,8 @@ pub(crate) const MSAA_HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgb
 pub fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = match options.backend {
-        Backend::Any => Backends::VULKAN | Backends::GL,
+        // A build for browsers has WebGPU alone, and any other build has not.
+        Backend::Any => Backends::VULKAN | Backends::GL | Backends::BROWSER_WEBGPU,
         Backend::Vulkan => Backends::VULKAN,
         Backend::Gl => Backends::GL,
     };
@@ -76,14 +77,27 @@ impl Gpu {
     ///
     /// # Errors
     /// `NoAdapter` where nothing can draw, `Device` where the adapter refuses.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, options: &Options) -> Result<Gpu> {
+        pollster::block_on(Gpu::open_later(instance, surface, options))
+    }
+
+    /// As `open`, for programs that must not wait, such as a page in a browser.
+    ///
+    /// # Errors
+    /// As `open`.
+    pub async fn open_later(
+        instance: &wgpu::Instance,
+        surface: Option<&wgpu::Surface<'_>>,
+        options: &Options,
+    ) -> Result<Gpu> {
         let request = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             force_fallback_adapter: false,
             compatible_surface: surface,
             apply_limit_buckets: false,
         };
-        let adapter = pollster::block_on(instance.request_adapter(&request)).map_err(|_| Error::NoAdapter)?;
+        let adapter = instance.request_adapter(&request).await.map_err(|_| Error::NoAdapter)?;
         let raw = adapter.get_info();
         let mut info = AdapterInfo {
             half_precision: false,
@@ -104,7 +118,9 @@ impl Gpu {
             required_limits: limits,
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+        let (device, queue) = adapter
+            .request_device(&descriptor)
+            .await
             .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
         let filterable = features.contains(Features::FLOAT32_FILTERABLE) && !options.half_only;
         let renderable = !options.half_only
@@ -123,14 +139,6 @@ impl Gpu {
             queue,
             info,
         })
-    }
-
-    /// Catches the adapter's errors from here on, until `Guard::finish`.
-    pub(crate) fn guard(&self) -> Guard {
-        Guard {
-            memory: self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory),
-            validation: self.device.push_error_scope(wgpu::ErrorFilter::Validation),
-        }
     }
 
     pub(crate) fn is_gl(&self) -> bool {
@@ -157,23 +165,5 @@ impl Gpu {
     pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         use wgpu::util::DeviceExt;
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents: bytes, usage })
-    }
-}
-
-/// Turns errors of the adapter, such as lack of memory or a shader that the driver refuses, into errors of the
-/// renderer.
-pub(crate) struct Guard {
-    memory: wgpu::ErrorScopeGuard,
-    validation: wgpu::ErrorScopeGuard,
-}
-
-impl Guard {
-    pub(crate) fn finish(self, gpu: &Gpu) -> Result<()> {
-        let validation = pollster::block_on(self.validation.pop());
-        let memory = pollster::block_on(self.memory.pop());
-        match memory.or(validation) {
-            None => Ok(()),
-            Some(error) => Err(Error::Device { adapter: gpu.info.name.clone(), reason: error.to_string() }),
-        }
     }
 }

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use glam::{DVec2, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Number of steps of a table, over the height from 0 to the carrier's, or over |Ω_z| from 0 to 1.
@@ -13,7 +14,7 @@ pub type GrassTable = [f32; GRASS_STEPS + 1];
 pub const MOST_SLICES: u32 = 256;
 
 /// A lawn: a level box over the ground, filled with a rectangle of slices that repeats.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Grass {
     /// Name of the lawn in printed text.
     pub name: String,
@@ -70,7 +71,7 @@ pub struct Grass {
 }
 
 /// A hill in the shape of a Gaussian over the ground that the lawn's origin is on, or a hollow.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GrassHill {
     /// Place of its top in the world (x, y).
     pub middle: Vec2,
@@ -82,7 +83,7 @@ pub struct GrassHill {
 
 /// A map of gusts that repeats and moves with the wind. It holds the lean of blades along x and y: the displacement of
 /// a point over its height. So a blade's point at the height z is moved by z times its lean.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GrassGusts {
     /// The lean without gusts.
     pub mean: [f32; 2],
@@ -105,7 +106,7 @@ impl GrassGusts {
 }
 
 /// Pictures of slices side by side, each with a border, and coarser levels of the whole.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GrassSheet {
     /// Texels of a picture along and up, without its border.
     pub cell: [u32; 2],
@@ -118,7 +119,7 @@ pub struct GrassSheet {
 }
 
 /// A level of a sheet, row by row, with row 0 on top. All numbers except the opacity are multiplied by the opacity.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GrassLevel {
     /// Number of texels in a row.
     pub width: u32,

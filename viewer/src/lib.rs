@@ -12,6 +12,8 @@
 //! ```
 
 #![warn(missing_docs)]
+// A page in a browser must not wait for the adapter. So what reads pictures and times back has no callers there.
+#![cfg_attr(target_arch = "wasm32", allow(dead_code))]
 
 mod bend;
 mod detail;
@@ -20,10 +22,13 @@ mod error;
 mod geometry;
 pub mod gpu;
 mod grass;
+mod guard;
 pub mod lobe;
 mod maps;
 mod material;
+#[cfg(not(target_arch = "wasm32"))]
 mod operations;
+mod orbit;
 mod passes;
 pub mod pick;
 mod picture;
@@ -40,10 +45,16 @@ mod variant;
 pub use error::{Error, Result};
 pub use geometry::ball_around;
 pub use gpu::{AdapterInfo, Backend, Options};
-pub use picture::{Picture, save_png};
+pub use orbit::Orbit;
+pub use picture::Picture;
+#[cfg(not(target_arch = "wasm32"))]
+pub use picture::save_png;
+/// For tests of shaders that other programs use. It is not part of this crate's stable interface.
+#[cfg(not(target_arch = "wasm32"))]
+#[doc(hidden)]
+pub use pollster;
 pub use renderer::Renderer;
 pub use stats::{Stats, Upload};
 pub use timing::Timing;
-/// For tests of shaders that other programs use. It is not part of this crate's stable interface.
 #[doc(hidden)]
-pub use {pollster, wgpu};
+pub use wgpu;

@@ -1,6 +1,8 @@
 //! A finished picture.
 
+#[cfg(not(target_arch = "wasm32"))]
 use crate::error::{Error, Result};
+#[cfg(not(target_arch = "wasm32"))]
 use std::path::Path;
 
 /// A picture, row by row, with row 0 on top.
@@ -26,6 +28,7 @@ impl Picture {
     ///
     /// # Errors
     /// `Write` with the path and the cause.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn save_png(&self, path: &Path) -> Result<()> {
         save_png(path, self.width, self.height, self.ldr.as_flattened())
     }
@@ -35,6 +38,7 @@ impl Picture {
 ///
 /// # Errors
 /// `Write` with the path and the cause.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     image::save_buffer_with_format(path, rgba, width, height, image::ColorType::Rgba8, image::ImageFormat::Png)
         .map_err(|e| Error::Write { path: path.display().to_string(), reason: e.to_string() })

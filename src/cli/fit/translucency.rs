@@ -105,8 +105,8 @@ fn basis() -> impl TypedValueParser<Value = Basis> {
         Basis::HalfLife2 | Basis::Bent { .. } => None,
         other => other.name().rsplit_once('-').map(|(kind, _)| kind.to_string()),
     };
-    let shown = Basis::OFFERED
-        .map(|basis| PossibleValue::new(basis.name()).help(basis.describe()).aliases(former(basis).into_iter()));
+    let shown =
+        Basis::OFFERED.map(|basis| PossibleValue::new(basis.name()).help(basis.describe()).aliases(former(basis)));
     PossibleValuesParser::new(shown).try_map(move |name| {
         let mut all = Basis::OFFERED.into_iter();
         all.find(|b| b.name() == name || former(*b).as_ref() == Some(&name)).ok_or("not the name of a basis")

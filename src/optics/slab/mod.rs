@@ -13,6 +13,7 @@
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod chebyshev;
+pub mod curve;
 pub mod exact;
 pub mod expint;
 pub mod fn_method;

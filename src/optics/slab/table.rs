@@ -8,6 +8,7 @@
 //! ln Δ; thicker ones use the exact solution.
 
 use super::Response;
+#[cfg(target_arch = "x86_64")]
 use mesophyll_processor::InstructionSet;
 use std::sync::OnceLock;
 

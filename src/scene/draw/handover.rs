@@ -3,7 +3,7 @@
 //! The reference renderer gets its data in another way (`super::reference`).
 
 use super::card::Card;
-use super::leaf_maps::{self, slab_curve};
+use super::leaf_maps;
 use super::sections::{Barks, plants};
 use super::{between, detail, grass};
 use crate::loaded::Scene;
@@ -11,6 +11,7 @@ use crate::loaded::curve::curve;
 use crate::plan::levels;
 use crate::{Error, Result};
 use glam::{DMat4, Vec2, Vec3, Vec4};
+use mesophyll_bundle::slab_curve;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::View;
 use mesophyll_optics::side::Side;
@@ -231,7 +232,7 @@ pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene
         None => viewer::SideMaps::black(),
         Some(p) => {
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
-            let curve = curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
+            let (curve, _) = curve(p.sigma_a, p.sigma_s, [low, high], 1e-5, "card slab curve", ledger);
             viewer::SideMaps {
                 gamma_delta: vec![[
                     p.gamma[0] as f32,

@@ -3,10 +3,10 @@
 //! maps.
 
 use crate::loaded::Leaf;
-use crate::loaded::curve::Curve;
 use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::Of;
 use crate::{Error, Result};
+use mesophyll_bundle::slab_curve;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, fill};
 use mesophyll_manifest::{Interior, Manifest};
@@ -176,15 +176,4 @@ fn mean4(a: [f32; 4], b: [f32; 4], c: [f32; 4], d: [f32; 4]) -> [f32; 4] {
 
 fn mean3(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| (a[k] + b[k] + c[k] + d[k]) / 4.0)
-}
-
-/// A curve in the renderer's precision.
-pub fn slab_curve(curve: &Curve) -> viewer::SlabCurve {
-    let rgb = |list: &[[f64; 3]]| list.iter().map(|c| c.map(|v| v as f32)).collect();
-    viewer::SlabCurve {
-        min_mm: curve.min as f32,
-        max_mm: curve.max as f32,
-        rho_d: rgb(&curve.rho_d),
-        rho_t: rgb(&curve.rho_t),
-    }
 }

@@ -5,7 +5,7 @@
 //! The renderer uses W's packed textures and a slab curve. The reference uses the float maps and its own interpolation,
 //! as in every other view.
 
-use super::{handover, leaf_maps, reference};
+use super::{handover, reference};
 use crate::loaded::curve::curve;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, Vec3};
@@ -84,13 +84,14 @@ impl<'a> Scanned<'a> {
         let (low, high) = gamma_delta
             .iter()
             .fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
-        let curve = curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
+        let range = [low.max(1e-6), high.max(2e-6)];
+        let (curve, _) = curve(sigma_a, sigma_s, range, CURVE, "scanned leaf", &Ledger::new());
         let front = viewer::SideMaps {
             gamma_delta,
             gloss: Some(gloss),
             normal: Some(normal),
             translucency: None,
-            interior: viewer::Interior::Scalars(leaf_maps::slab_curve(&curve)),
+            interior: viewer::Interior::Scalars(mesophyll_bundle::slab_curve(&curve)),
         };
         let leaf = viewer::Leaf {
             name: self.fitted.name.clone(),

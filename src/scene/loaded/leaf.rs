@@ -5,6 +5,7 @@ use super::map_levels::map_levels;
 use super::translucency;
 use super::{Loaded, Stand, Textures, gloss};
 use crate::Result;
+use crate::plan::accuracy::Row;
 use crate::plan::leaf::TEXEL_BYTES;
 use crate::plan::{LeafPlan, Plan};
 use glam::DVec3;
@@ -39,8 +40,8 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
             // A tenth of the tolerance for one shortcut, and at most a ten-thousandth.
             let allowed = (manifest.tolerated() / 10.0).min(1e-4);
             let what = format!("{}/{} slab curve", fitted.name, side.name());
-            let made = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
-            plan.curve(what, made.rows.clone());
+            let (made, rows) = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
+            plan.curve(what, rows);
             out.curves[s] = Some(made);
         }
         if needs.gloss {
@@ -85,15 +86,14 @@ fn of_side(
     allowed: f64,
     what: &str,
     ledger: &Ledger,
-) -> Result<Curve> {
+) -> Result<(Curve, Vec<Row>)> {
     let h = fitted.thickness(side)?;
     let (low, high) =
         texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
     Ok(curve(
         fitted.rgb(side, Quantity::SigmaA)?,
         fitted.rgb(side, Quantity::SigmaS)?,
-        low,
-        high,
+        [low, high],
         allowed,
         what,
         ledger,

@@ -7,7 +7,6 @@ use crate::draw::reference;
 use crate::draw::sunlit::relight_where;
 use crate::draw::truth::{Sampling, Truth};
 use crate::draw::{handover, leaf_maps};
-use crate::loaded::curve::curve;
 use crate::loaded::{Leaf, Scene};
 use glam::DVec3;
 use mesophyll_files::image::Maps;
@@ -98,14 +97,10 @@ impl SceneEditor {
         }
         let h = fitted.thickness(side)?;
         let texels = of.loaded.textures[s].gamma_delta.as_deref().unwrap_or_default();
-        let (low, high) =
-            texels.iter().fold((h, h), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
-        // An edit may request a mean thickness that is smaller than the variation of the veins.
-        let low = low.max(1e-3 * h);
         let what = format!("{}/{} slab curve", fitted.name, side.name());
         let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
-        let made = curve(sigma_a, sigma_s, low, high, 1e-4, &what, &self.ledger);
-        Ok(viewer::Interior::Scalars(leaf_maps::slab_curve(&made)))
+        let made = self.ledger.note("curve", what, 0, || mesophyll_bundle::slab(sigma_a, sigma_s, h, texels));
+        Ok(viewer::Interior::Scalars(mesophyll_bundle::slab_curve(&made)))
     }
 
     /// The changes of a leaf by the window's sliders.

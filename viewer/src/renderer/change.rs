@@ -2,6 +2,7 @@
 
 use super::Renderer;
 use crate::error::Result;
+use crate::guard::Guard;
 use crate::material::MaterialOnGpu;
 use crate::passes::main::Pipelines;
 use crate::passes::transfer::Lit;
@@ -77,7 +78,7 @@ impl Renderer {
         validate::material(&self.gpu, scene, index)?;
         let Some(loaded) = &mut self.loaded else { return self.set_scene(scene) };
         let Some(before) = loaded.materials.get(index).and_then(Option::as_ref) else { return Ok(()) };
-        let guard = self.gpu.guard();
+        let guard = Guard::new(&self.gpu);
         let (gpu, stats) = (&self.gpu, &mut self.stats);
         let mut new = None;
         for batch in loaded.batches.iter_mut().filter(|b| b.material == index) {

@@ -2,13 +2,19 @@
 //! counts it.
 
 mod change;
+// A page in a browser must not wait for the adapter, so pictures and figures are not read back there.
+#[cfg(not(target_arch = "wasm32"))]
 mod measure;
+#[cfg(not(target_arch = "wasm32"))]
 mod motion;
+#[cfg(not(target_arch = "wasm32"))]
+mod read;
 mod targets;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Batch, Extents, MeshOnGpu, parallel_projection, view_projection};
-use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
+use crate::gpu::{AdapterInfo, Gpu};
+use crate::guard::Guard;
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::backdrop::BackdropPass;
@@ -21,8 +27,7 @@ use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::TonemapPass;
 use crate::passes::transfer::TransferPass;
-use crate::picture::Picture;
-use crate::readback::{self, Copy};
+use crate::readback;
 use crate::scene::{Camera, Dome, Material, Mesh, Scanner, Scene, Sun};
 use crate::stats::Stats;
 use crate::thin::Seen;
@@ -85,15 +90,6 @@ impl Loaded {
 }
 
 impl Renderer {
-    /// Opens an adapter without a window.
-    ///
-    /// # Errors
-    /// `NoAdapter` where nothing can draw, `Device` where the adapter refuses.
-    pub fn headless(options: &Options) -> Result<Renderer> {
-        let instance = wgpu::Instance::new(instance_descriptor(options));
-        Ok(Renderer::on(Gpu::open(&instance, None, options)?))
-    }
-
     /// Draws with a device that is already open, such as a window's.
     pub fn on(gpu: Gpu) -> Renderer {
         Renderer {
@@ -131,7 +127,7 @@ impl Renderer {
     /// `Device` where the adapter runs out of memory or refuses a shader; then no scene is left.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
         validate::scene(&self.gpu, scene)?;
-        let guard = self.gpu.guard();
+        let guard = Guard::new(&self.gpu);
         let Stats { draws, shadow_renders, transfers, .. } = self.stats;
         let mut stats = Stats { draws, shadow_renders, transfers, ..Stats::default() };
         let batches = Batch::all(&self.gpu, scene, &mut stats);
@@ -202,37 +198,6 @@ impl Renderer {
         });
         self.stats = stats;
         Ok(())
-    }
-
-    /// Draws a picture of `width` × `height` pixels.
-    ///
-    /// # Errors
-    /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, `Readback`.
-    pub fn render(&mut self, camera: &Camera, width: u32, height: u32) -> Result<Picture> {
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        self.record(&mut encoder, camera, width, height, None)?;
-        let Some(targets) = &self.targets else { return Err(Error::Readback("no target".into())) };
-        let hdr = Copy::record(&self.gpu, &mut encoder, &targets.hdr);
-        let ldr = Copy::record(&self.gpu, &mut encoder, &targets.ldr);
-        self.gpu.queue.submit([encoder.finish()]);
-        Ok(Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? })
-    }
-
-    /// Draws the picture of the scene's scanner.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`], and `Scene` where there is no scanner.
-    pub fn scan(&mut self, width: u32, height: u32) -> Result<Picture> {
-        if self.loaded.as_ref().is_none_or(|l| l.scanner.is_none()) {
-            return Err(Error::Scene {
-                place: "scanner".into(),
-                found: "none".into(),
-                expected: "a scene with a scanner".into(),
-            });
-        }
-        // The picture uses the scanner's own camera. This one only has to be valid.
-        let camera = Camera { eye: 1e3 * Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_y_deg: 30.0 };
-        self.render(&camera, width, height)
     }
 
     /// Records a whole frame into the targets of that size.

@@ -3,6 +3,7 @@
 use super::Renderer;
 use crate::error::{Error, Result};
 use crate::geometry::view_projection;
+use crate::guard::Guard;
 use crate::passes::main::DEPTH;
 use crate::passes::motion::{Cameras, MotionPass};
 use crate::readback::Copy;
@@ -39,7 +40,7 @@ impl Renderer {
                 expected: "a scene that a camera looks at, set before".into(),
             });
         };
-        let guard = self.gpu.guard();
+        let guard = Guard::new(&self.gpu);
         let gpu = &self.gpu;
         // The same instances are drawn, at the same sizes, as in the picture.
         let seen = Seen::new(camera, [width, height], true);

@@ -1,9 +1,10 @@
 //! The look of a leaf: maps of either side, the source of its reflectance and transmittance, and its translucency.
 
 use super::{Basis, Lobe, Sides};
+use serde::{Deserialize, Serialize};
 
 /// A leaf: maps for either side, on a mesh whose normals point out of the front.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Leaf {
     /// Name of the leaf in printed text.
     pub name: String,
@@ -24,7 +25,7 @@ pub struct Leaf {
 }
 
 /// The look of one side. Maps are stored row by row, with row 0 on top.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SideMaps {
     /// W's first texture: γ (RGB) and δ (mm).
     pub gamma_delta: Vec<[f32; 4]>,
@@ -44,7 +45,7 @@ pub struct SideMaps {
 /// How sunlight that enters a side leaves by the other one, texel by texel, as the light's direction changes (Habel et
 /// al. 2007). The maps have the columns of the lit side's camera. Directions ω towards the light are in this camera's
 /// tangent frame: x right, y up, z out of the lit side.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Translucency {
     /// The basis, which is the same on both sides of a leaf. For a flat, uniform leaf the coefficient of each function
     /// is √(2π)/3 in either basis.
@@ -54,7 +55,7 @@ pub struct Translucency {
 }
 
 /// Three coefficients for each texel.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Coefficients {
     /// f(x, ω), which replaces the cosine n·ω and is multiplied by ρt.
     Factor(Vec<[f32; 3]>),
@@ -107,7 +108,7 @@ impl SideMaps {
 }
 
 /// The source of a side's ρd and ρt.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Interior {
     /// W's scalars σa, σs: ρd = γ·curve.rho_d(h + δ), ρt = curve.rho_t(h + δ), linear between the curve's points.
     Scalars(SlabCurve),
@@ -121,7 +122,7 @@ pub enum Interior {
 }
 
 /// ρd and ρt of the slab over its thickness, at two or more points with equal steps.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SlabCurve {
     /// Thickness at the first point.
     pub min_mm: f32,

@@ -2,6 +2,7 @@
 //! by way of other surfaces.
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// How light from all around arrives at the anchors of every instance, between and by way of other surfaces (Wang et
@@ -10,7 +11,7 @@ use std::sync::Arc;
 ///
 /// The rows of an anchor are ∫ L(ω) ω dω over the directions on its front (x, y, z), the same over those on its back,
 /// and for glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m. Wood and ground have one row, the irradiance on their front.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Transfer {
     /// Number of bands of the light's harmonics, whose square is the number of columns. `None` means one column: the
     /// light of the scene itself, which must not change.
@@ -26,7 +27,7 @@ pub struct Transfer {
 }
 
 /// The places on a mesh at which arriving light is known.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Anchors {
     /// Number of anchors along each piece of the mesh and across it; 1 by 1 where every vertex is an anchor.
     pub grid: [u32; 2],
@@ -61,7 +62,7 @@ impl Anchors {
 
 /// A picture of everything around. Row 0 is at the zenith, column 0 is towards +x, and azimuth turns towards +y. Texel
 /// (i, j) has its centre at azimuth (i + ½)·360°/width and zenith angle (j + ½)·180°/height.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Backdrop {
     /// Columns.
     pub width: u32,
@@ -72,7 +73,7 @@ pub struct Backdrop {
 }
 
 /// The sun as a disk.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Sun {
     /// Unit vector towards the sun.
     pub direction: Vec3,
@@ -90,7 +91,7 @@ pub struct Sun {
 /// across and φ₀ … φ₁ along. Then L = h/R · β/sin β · 2 ∫∫ (ρd/π + f_s) max(0, N·l) cosφ dφ dθ/2β. So a white matte
 /// texel that faces up under an infinite tube straight above has L = 1.
 /// infinite tube straight above shows 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scanner {
     /// Unit vector towards the camera, above the plane.
     pub camera: Vec3,
@@ -112,7 +113,7 @@ pub struct Scanner {
 }
 
 /// A sky: its light on the leaves, and its look behind them. The caller decides where the numbers come from.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Dome {
     /// Coefficients of the radiance all around, below the horizon too, in real orthonormal harmonics without the
     /// Condon–Shortley phase, at l(l+1)+m, in world directions with z up. There are N² of them, N from 1 to 7.

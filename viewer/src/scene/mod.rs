@@ -69,10 +69,11 @@ pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
 pub use motion::{Carried, Section, Sections, Wind};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Everything in a picture: meshes, materials, instances, the things that bend, and the lights.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Scene {
     /// The shapes, each of which may occur in many places.
     pub meshes: Vec<Mesh>,
@@ -112,7 +113,9 @@ pub struct Scene {
     pub msaa: u32,
     /// The wind, whose time moves sections and lawns. With `None`, the time is 0.
     pub wind: Option<Wind>,
-    /// Cross-sections of plants that carry leaves and bark, at the wind's time. With `None`, plants stand still.
+    /// Cross-sections of plants that carry leaves and bark, at the wind's time. With `None`, plants stand still. They
+    /// are computed, so they are not written with the scene.
+    #[serde(skip)]
     pub sections: Option<Sections>,
     /// How light arrives between and by way of other surfaces. Every mesh with an instance then needs [`Anchors`], and
     /// every instance a first row. With `None`, every surface is lit as if it stood alone, except for the sun's
@@ -127,7 +130,7 @@ pub struct Scene {
 }
 
 /// A mesh at a place in a material. Transforms are rigid, with a uniform scale.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Instance {
     /// Index into the scene's meshes.
     pub mesh: usize,
@@ -153,7 +156,7 @@ pub struct Instance {
 /// How a surface looks, apart from its shape.
 // A scene has a handful of materials: an indirection would save no memory worth a line.
 #[allow(clippy::large_enum_variant)]
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Material {
     /// A leaf, which transmits light.
     Leaf(Leaf),
@@ -163,7 +166,7 @@ pub enum Material {
 
 /// Bark or ground: a diffuse surface of one colour that transmits nothing. It is seen from the side that its mesh's
 /// normals point to; its inside is black.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Opaque {
     /// Name of the surface in printed text.
     pub name: String,
@@ -173,7 +176,7 @@ pub struct Opaque {
 
 /// Triangles with normals, tangents and texture coordinates. All lists except the indices have an entry for each
 /// vertex.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Mesh {
     /// Places in the mesh's own frame and units.
     pub positions: Vec<Vec3>,
@@ -194,7 +197,7 @@ pub struct Mesh {
 }
 
 /// A coarser triangulation.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Detail {
     /// Indices of the vertices, three for each triangle.
     pub indices: Vec<u32>,
@@ -244,7 +247,7 @@ impl Scene {
 }
 
 /// A pinhole camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Place of the camera.
     pub eye: Vec3,

@@ -3,10 +3,11 @@
 #[cfg(doc)]
 use super::Instance;
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// How sections carry an instance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Carried {
     /// The section, or the first section if the vertices have sections of their own.
     pub first: u32,
@@ -29,7 +30,7 @@ pub struct Sections {
 }
 
 /// A rigid motion: it moves a point p to `to` + `turn` (p − `from`).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Section {
     /// A point at rest.
     pub from: Vec3,
@@ -46,7 +47,7 @@ impl std::fmt::Debug for Sections {
 }
 
 /// The wind of a scene, which moves sections and lawns.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Wind {
     /// Time since the beginning of the scene.
     pub time_s: f64,

@@ -1,9 +1,9 @@
 //! The lights panel: the sun's direction, the brightness of sun and sky, exposure, and the scene's own views.
 
 use super::{ViewerUi, WindowView};
-use crate::ui::orbit::Orbit;
 use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
+use mesophyll_viewer::Orbit;
 use std::sync::Arc;
 
 /// Sliders change a value only when they are moved, because the scene's own sun has more digits than a slider shows.

@@ -11,6 +11,7 @@ mod pass;
 
 use super::goniometer::{self, Goniometer};
 use super::{Leaf, Oblateness, Path, Side, enter};
+#[cfg(target_arch = "x86_64")]
 use mesophyll_processor::InstructionSet;
 use numbers::Random;
 use pass::{Place, Rays, Step, WIDTH};

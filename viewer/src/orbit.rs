@@ -1,7 +1,7 @@
 //! Moving the camera with the pointer: orbit about the target, pan across the picture, zoom along the line of sight.
 
+use crate::scene::Camera;
 use glam::{Quat, Vec3};
-use mesophyll_viewer::scene::Camera;
 
 /// Smallest angle between the line of sight and the upright axis (rad).
 const POLE: f32 = 0.03;
@@ -9,6 +9,7 @@ const POLE: f32 = 0.03;
 /// A camera that turns about its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
+    /// The camera as it is now.
     pub camera: Camera,
     /// The axis that stays upright.
     axis: Vec3,
