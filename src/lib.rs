@@ -59,7 +59,7 @@
 //! 6   fit           fit_branch  fit_grass  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf          photo
 //! 4   capture
-//! 3   translucency  walk        transport   record      window
+//! 3   translucency  walk        transport   record      window    bundle
 //! 2   optics        viewer      flora       foreign
 //! 1   surface       solve       sky         plant      files       rays
 //! 0   error         quadrature  fourier     processor

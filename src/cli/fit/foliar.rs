@@ -124,9 +124,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !stated {
         progress::say(
             "no noise is stated: the error cells are empty, and ok says only that the leaf could be fitted, not how \
-             sure \
-             its numbers are; state the standard error of R and T by --noise S or by columns such as R450_err, or \
-             exact input by --noise 0",
+             sure its numbers are; state the standard error of R and T by --noise S or by columns such as R450_err, \
+             or exact input by --noise 0",
         );
     }
     Ok(0)

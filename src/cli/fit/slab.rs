@@ -40,13 +40,11 @@ pub struct Args {
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in
-    /// mm)
+    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in mm)
     #[arg(long, value_parser = PossibleValuesParser::new(UNITS).try_map(|name| name.parse::<Unit>()))]
     thickness_unit: Option<Unit>,
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit: light that never entered the leaf,
-    /// some
-    /// 0.03 to 0.05 where the instrument kept the mirror reflection
+    /// some 0.03 to 0.05 where the instrument kept the mirror reflection
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
     /// Draw σa and σs over wavelength into this folder, a picture a leaf; the table needs a column `leaf` (or
