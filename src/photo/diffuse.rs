@@ -7,8 +7,9 @@
 use mesophyll_optics::slab::exact::Medium;
 use mesophyll_optics::slab::inverse;
 
-/// Cosines at which the slab is solved, in equal steps; the rule's error is below a thousandth.
-const STEPS: usize = 24;
+/// Gauss–Legendre nodes over the cosine of incidence. Through a thick, absorbing slab light falls off like e^(−Δ/μ),
+/// which equal steps integrate badly (24 of them are off by .5 % at Δ = 7).
+const NODES: usize = 16;
 /// Where no slab has the reflectance and the transmittance: what a dark one does.
 const DARK: [f64; 2] = [1.33, 0.6];
 
@@ -25,11 +26,10 @@ pub(super) fn over_normal(rho_d: f64, rho_t: f64) -> [f64; 2] {
     }
     let medium = Medium::new(slab.sigma_s / delta, slab.sigma_a / delta);
     let [mut up, mut down] = [0.0; 2];
-    for k in 0..STEPS {
-        let mu = (k as f64 + 0.5) / STEPS as f64;
+    for (mu, weight) in mesophyll_quadrature::unit(NODES) {
         let (r, ln_t) = medium.solve_log(mu, delta);
-        up += 2.0 * mu * r / STEPS as f64;
-        down += 2.0 * mu * ln_t.exp() / STEPS as f64;
+        up += 2.0 * mu * r * weight;
+        down += 2.0 * mu * ln_t.exp() * weight;
     }
     let (r, ln_t) = medium.solve_log(1.0, delta);
     let found = [up / r, down / ln_t.exp()];
