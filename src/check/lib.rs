@@ -15,6 +15,7 @@ mod cost;
 pub mod day;
 pub mod golden;
 pub mod interiors;
+pub mod kept;
 pub mod lawns;
 pub mod methods;
 mod perspective;

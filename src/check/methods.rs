@@ -7,14 +7,16 @@
 //! | `transfer` | the light between leaves alone, without the sun's own |
 //! | `transfer, visibility` | both; what every vertex sees of the sun was worked out beforehand |
 //! | `transfer, shadow maps` | both; shadows are drawn in the picture's own time |
+//! | `occlusion` | as the one before, with light between leaves by multi-bounce ambient occlusion |
 //! | `alone, shadow maps` | every leaf is lit as if it stood alone, except for the sun's shadows |
 //! | `wavelets` | the light cut to 1,000 Haar wavelets of a 32² · 6 cube map (Ng et al. 2003), otherwise true |
 //! | `path tracer` | the reference with another seed, whose error is that of its noise |
 //!
-//! Without a sun, only `transfer` and `alone` of the first five are left. Wavelets are drawn by the path tracer,
-//! because the method could draw at best a picture under the cut light. Their bytes are computed: one coefficient in
-//! half precision for each pixel, wavelet and colour, without any compression.
+//! Without a sun, only `transfer`, `occlusion` and `alone` of the first six are left. Wavelets are drawn by the path
+//! tracer, because the method could draw at best a picture under the cut light. Their bytes are computed: one
+//! coefficient in half precision for each pixel, wavelet and colour, without any compression.
 
+use crate::kept::{Kept, kept};
 use crate::{Options, open, told};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, image, progress};
@@ -62,24 +64,36 @@ const ROWS: usize = 256;
 /// Shadow maps of the sun's disk, where the scene itself needs none.
 const SHADOWS: (u32, u32) = (8, 2048);
 
-/// Draws all perspective views in all ways; writes the pictures, and the rows as `methods.csv`.
+/// Draws all perspective views in all ways; writes the pictures, and the rows as `methods.csv`. Where plants move, it
+/// also finds out how far what leaves see of the sun at rest holds at a view's time.
 ///
 /// # Errors
 /// [`Error::Usage`] for a scene without light between leaves; [`Error::Missed`] without an adapter; and those of
 /// reading, drawing and writing.
-pub fn weigh(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Vec<Row>> {
-    let manifest = &scene.manifest;
+pub fn weigh(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Vec<Row>, Vec<Kept>)> {
     if scene.transfer.is_none() {
         let why = "missing, or left out for a leaf that stands alone; methods are compared for light between leaves";
-        return Err(Error::field(&manifest.path, "transfer", why));
+        return Err(Error::field(&scene.manifest.path, "transfer", why));
     }
     let own = handover::scene(scene, ledger)?;
+    let exact = scene.transfer.clone();
+    scene.occlude(&options.out, ledger)?;
+    let occluded = handover::scene(scene, ledger)?;
+    scene.transfer = exact;
+    let scene = &*scene;
+    let manifest = &scene.manifest;
     let mut renderer = open()?;
-    let mut rows = Vec::new();
+    let (mut rows, mut held) = (Vec::new(), Vec::new());
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
         let _bar = progress::Bar::of(format!("methods for view {}", view.name));
         let world = reference::traced(scene, manifest.time_of(view), ledger)?;
-        rows.extend(Weighing { scene, view, own: &own, world: &world, options }.rows(&mut renderer)?);
+        if scene.placed.moves().plants() {
+            let rest = reference::traced(scene, manifest.rest_time(), ledger)?;
+            held.extend(kept(&view.name, &rest, &world, scene.drawn().count())?);
+        }
+        rows.extend(
+            Weighing { scene, view, own: &own, occluded: &occluded, world: &world, options }.rows(&mut renderer)?,
+        );
     }
     let mut csv = String::from("view,method,flip_p99,flip_mean,rms_over_mean,milliseconds,light_bytes,picture\n");
     for r in &rows {
@@ -90,11 +104,11 @@ pub fn weigh(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Vec<Ro
         );
     }
     atomic::write_bytes(&options.out.join("methods.csv"), csv.as_bytes())?;
-    Ok(rows)
+    Ok((rows, held))
 }
 
 /// The rows as text.
-pub fn text(rows: &[Row]) -> String {
+pub fn text(rows: &[Row], held: &[Kept]) -> String {
     let mut out = format!("{:<10} {:<22} FLIP 99 %  RMS/mean  ms          bytes\n", "view", "method");
     for r in rows {
         let _ = writeln!(
@@ -103,6 +117,7 @@ pub fn text(rows: &[Row]) -> String {
             r.view, r.method, r.flip_p99, r.rms_over_mean, r.milliseconds, r.light_bytes
         );
     }
+    held.iter().for_each(|kept| out += &kept.line());
     out
 }
 
@@ -111,6 +126,8 @@ struct Weighing<'a> {
     scene: &'a Scene,
     view: &'a View,
     own: &'a viewer::Scene,
+    /// The scene with light between leaves by ambient occlusion.
+    occluded: &'a viewer::Scene,
     world: &'a World,
     options: &'a Options,
 }
@@ -124,7 +141,7 @@ impl Weighing<'_> {
         let other = stage.view(self.scene, self.view, check.seed.wrapping_add(1))?;
         let seconds = start.elapsed().as_secs_f64();
         let mut rows = Vec::new();
-        for (method, mut drawn) in ways(self.own) {
+        for (method, mut drawn) in ways(self.own, self.occluded) {
             if let Some(wind) = &mut drawn.wind {
                 wind.time_s = self.scene.manifest.time_of(self.view);
             }
@@ -224,7 +241,7 @@ impl Weighing<'_> {
 }
 
 /// The scene in all ways that the renderer draws it.
-fn ways(own: &viewer::Scene) -> Vec<(&'static str, viewer::Scene)> {
+fn ways(own: &viewer::Scene, occluded: &viewer::Scene) -> Vec<(&'static str, viewer::Scene)> {
     let by_maps = |scene: &mut viewer::Scene| {
         scene.sun_shares = None;
         scene.instances.iter_mut().for_each(|i| i.first_share = None);
@@ -242,16 +259,18 @@ fn ways(own: &viewer::Scene) -> Vec<(&'static str, viewer::Scene)> {
     transfer.instances.iter_mut().for_each(|i| i.first_share = Some(0));
     let mut maps = own.clone();
     by_maps(&mut maps);
+    let mut occluded = occluded.clone();
+    by_maps(&mut occluded);
     let mut alone = maps.clone();
     alone.transfer = None;
     if own.sun.is_none() {
-        return vec![("transfer", own.clone()), ("alone", alone)];
+        return vec![("transfer", own.clone()), ("occlusion", occluded), ("alone", alone)];
     }
     let mut out = vec![("sun", sun), ("transfer", transfer)];
     if own.sun_shares.is_some() {
         out.push(("transfer, visibility", own.clone()));
     }
-    out.extend([("transfer, shadow maps", maps), ("alone, shadow maps", alone)]);
+    out.extend([("transfer, shadow maps", maps), ("occlusion", occluded), ("alone, shadow maps", alone)]);
     out
 }
 

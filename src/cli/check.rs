@@ -75,9 +75,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (passed, mut text, mut json) =
         judged(&scene, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
     if args.compare_methods {
-        let rows = mesophyll_check::methods::weigh(&scene, &options, &ledger)?;
-        text += &mesophyll_check::methods::text(&rows);
+        let (rows, kept) = mesophyll_check::methods::weigh(&mut scene, &options, &ledger)?;
+        text += &mesophyll_check::methods::text(&rows, &kept);
         json["methods"] = serde_json::to_value(&rows).unwrap_or_default();
+        json["sun_visibility_at_rest"] = serde_json::to_value(&kept).unwrap_or_default();
     }
     atomic::write_bytes(
         &out.join("plan.json"),

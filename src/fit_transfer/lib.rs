@@ -25,7 +25,7 @@ use mesophyll_files::{hash, memory, progress};
 use mesophyll_record::maker::{self, Maker, Outcome};
 use mesophyll_record::{FitKind, FitRecord, Section};
 use mesophyll_transport::path::{Paths, Tracer};
-use mesophyll_transport::transfer::{self, Columns, Receiver, Request};
+use mesophyll_transport::transfer::{self, Columns, Method, Receiver, Request};
 use mesophyll_transport::world::World;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -34,6 +34,8 @@ use std::sync::Arc;
 /// The options of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
+    /// How light between surfaces is found.
+    pub method: Method,
     /// Number of anchors along a leaf and across it.
     pub anchors: [usize; 2],
     /// The functions that the light is a sum of.
@@ -106,7 +108,8 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let bar = progress::Bar::new("transfer", layout.anchors() as u64);
     let (mut entries, mut errors) = (Vec::with_capacity(layout.rows * columns), Vec::new());
     let scale = matter::scale(world, options.columns);
-    let request = Request { columns: options.columns, paths: options.paths, seed: options.seed };
+    let request =
+        Request { method: options.method, columns: options.columns, paths: options.paths, seed: options.seed };
     let start = std::time::Instant::now();
     for (k, part) in layout.parts(ANCHORS_A_PART).into_iter().enumerate() {
         let name = format!("part-{k}");
@@ -165,10 +168,13 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
 
 /// The hash of everything that decides the transfer of a scene.
 pub fn input_hash(scene: &Scene, options: &Options) -> String {
-    let told = format!(
+    let mut told = format!(
         "{:?} {:?} {} {} {} {:?}",
         options.anchors, options.columns, options.gloss_bands, options.paths, options.seed, scene.seen
     );
+    if options.method != Method::Paths {
+        told += &format!(" {:?}", options.method);
+    }
     let matter = matter::hash(&scene.world, scene.leaves);
     let light = match options.columns {
         Columns::Harmonics(_) => String::new(),
@@ -195,6 +201,9 @@ fn describe(record: &mut FitRecord, layout: &Layout, options: &Options, errors: 
             Columns::Light => "the scene's own, standing still".into(),
         },
     );
+    if options.method == Method::AmbientOcclusion {
+        say("method", "multi-bounce ambient occlusion: one ray each, what lies behind is estimated".into());
+    }
     say("paths", options.paths.to_string());
     say("seed", options.seed.to_string());
     let mut section = Section::default();

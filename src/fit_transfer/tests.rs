@@ -39,7 +39,7 @@ fn scene() -> Scene {
 }
 
 fn options(columns: Columns) -> Options {
-    Options { anchors: [3, 2], columns, gloss_bands: 3, paths: 64, seed: 5, force: false }
+    Options { method: Method::Paths, anchors: [3, 2], columns, gloss_bands: 3, paths: 64, seed: 5, force: false }
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn what_is_written_is_what_is_read() {
         let tracer = Tracer::new(&scene.world, Paths::default()).unwrap();
         let anchors = &read.layout.leaves[0].anchors.points;
         let receiver = Receiver { instance: 1, anchors, rows: read.layout.leaves[0].rows };
-        let request = Request { columns, paths: 64, seed: 5 };
+        let request = Request { method: Method::Paths, columns, paths: 64, seed: 5 };
         let found = transfer::measure(&tracer, &receiver, &request);
         let of_one = &read.entries[read.layout.first[1] * columns.count()..][..found.entries.len()];
         // A half float has a significand of eleven bits.

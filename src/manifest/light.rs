@@ -1,6 +1,7 @@
 //! The light of a scene: a sun, a sky, and the hours of a day.
 
 use mesophyll_sky::SkyModel;
+use mesophyll_transport::transfer::Method;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -47,6 +48,9 @@ pub struct Sky {
 pub struct Transfer {
     /// A folder of `fit transfer`. Where it is absent or belongs to another scene, a run makes its own.
     pub fit: Option<PathBuf>,
+    /// How the light is found: by `"paths"` through all scatterings, or by `"ambient-occlusion"`, which follows one ray
+    /// each and estimates what surfaces in the way show.
+    pub method: Method,
     /// Number of anchors along a leaf and across it.
     pub anchors: [usize; 2],
     /// Number of paths from each anchor.
@@ -66,6 +70,7 @@ impl Default for Transfer {
     fn default() -> Self {
         Transfer {
             fit: None,
+            method: Method::default(),
             anchors: [5, 3],
             paths: 2048,
             bands: None,

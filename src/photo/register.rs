@@ -7,8 +7,9 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// Blocks along the longer side of the leaf, coarse and fine.
-const BLOCKS: [usize; 2] = [48, 240];
+/// Blocks along the longer side of the leaf, and around it: coarse and fine. Coarse steps begin far from the match, and
+/// fine ones where the coarse ones ended.
+const BLOCKS: [(usize, usize); 2] = [(48, 24), (240, 24)];
 /// Starting turns a full circle.
 const TURNS: usize = 8;
 /// Turns that differ by more than this (radians) are different ways to lay a leaf.
@@ -130,7 +131,7 @@ pub fn register(first: Mask, second: Mask, mirrored: bool) -> Option<Matches> {
     })
 }
 
-/// How much of each block is leaf, smoothed over neighbouring blocks. Blocks cover the leaf and half its length around
+/// How much of each block is leaf, smoothed over neighbouring blocks. Blocks cover the leaf and some of what is around
 /// it, not the picture, which may be hundreds of times as large. Places are counted in blocks from the picture's
 /// corner.
 struct Cover {
@@ -145,7 +146,7 @@ struct Cover {
 }
 
 impl Cover {
-    fn of(mask: Mask, blocks: usize) -> Option<Cover> {
+    fn of(mask: Mask, (blocks, pad): (usize, usize)) -> Option<Cover> {
         let w = mask.width;
         let on = || mask.inside.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| (k % w, k / w));
         let [mut left, mut top, mut right, mut bottom] = [usize::MAX, usize::MAX, 0, 0];
@@ -156,7 +157,6 @@ impl Cover {
             return None;
         }
         let block = ((right - left).max(bottom - top) / blocks).max(1);
-        let pad = blocks / 2;
         let origin = [left, top].map(|v| (v / block) as i64 - pad as i64);
         let [width, height] = [(left, right), (top, bottom)].map(|(a, b)| b / block - a / block + 1 + 2 * pad);
         let mut values = vec![0.0; width * height];

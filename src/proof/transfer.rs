@@ -7,7 +7,7 @@ use glam::DVec3;
 use mesophyll_files::progress::Bar;
 use mesophyll_transport::path::{Paths, Tracer};
 use mesophyll_transport::transfer::anchors::{coarser, level, levels};
-use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Receiver, Request, Rows, Spot, measure};
+use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Method, Receiver, Request, Rows, Spot, measure};
 use mesophyll_transport::{ReferenceSun, World};
 use std::f64::consts::PI;
 use std::time::Instant;
@@ -21,6 +21,9 @@ const VERTICES: usize = 9;
 const MANY: u32 = 1 << 14;
 const SKY: f64 = 0.35;
 const SUN: f64 = 2.5;
+
+/// The settings that are varied.
+const REQUEST: Request = Request { method: Method::Paths, columns: Columns::Light, paths: 2048, seed: 7 };
 
 /// The grid whose chain of levels is looked at.
 const CHAIN: [usize; 2] = [9, 5];
@@ -55,15 +58,20 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     bar.step()?;
     let mut rows = vec![bench.alone()];
     for anchors in [[1, 1], [2, 1], [3, 2], [5, 3], [9, 5]] {
-        rows.push(bench.row("anchors", format!("{}x{}", anchors[0], anchors[1]), anchors, Columns::Light, 2048)?);
+        rows.push(bench.row("anchors", format!("{}x{}", anchors[0], anchors[1]), anchors, &REQUEST)?);
     }
     bar.step()?;
     for paths in [128, 512, 2048, 8192] {
-        rows.push(bench.row("paths", paths.to_string(), [5, 3], Columns::Light, paths)?);
+        rows.push(bench.row("paths", paths.to_string(), [5, 3], &Request { paths, ..REQUEST })?);
+    }
+    for paths in [128, 512, 2048] {
+        let request = Request { method: Method::AmbientOcclusion, paths, ..REQUEST };
+        rows.push(bench.row("ambient occlusion", format!("{paths} rays"), [5, 3], &request)?);
     }
     bar.step()?;
     for bands in [1, 2, 3, 5, 7] {
-        rows.push(bench.row("bands", bands.to_string(), [5, 3], Columns::Harmonics(bands), 2048)?);
+        let request = Request { columns: Columns::Harmonics(bands), ..REQUEST };
+        rows.push(bench.row("bands", bands.to_string(), [5, 3], &request)?);
     }
     bar.step()?;
     for to in 0..levels(CHAIN) {
@@ -87,9 +95,9 @@ struct Bench<'a> {
 
 impl Bench<'_> {
     /// The light that arrives at the anchors of an instance, front and back, and the mesh's normals there.
-    fn arriving(&self, instance: usize, anchors: &[Anchor], columns: Columns, paths: u32) -> Result<Vec<[DVec3; 2]>> {
-        let request = Request { columns, paths, seed: 7 };
-        let found = measure(self.tracer, &Receiver { instance, anchors, rows: Rows::Both }, &request);
+    fn arriving(&self, instance: usize, anchors: &[Anchor], request: &Request) -> Result<Vec<[DVec3; 2]>> {
+        let found = measure(self.tracer, &Receiver { instance, anchors, rows: Rows::Both }, request);
+        let columns = request.columns;
         mesophyll_files::progress::go_on()?;
         let light = self.light(columns);
         let row = |entries: &[[f32; 4]]| -> f64 {
@@ -134,7 +142,7 @@ impl Bench<'_> {
                 Anchor { points: vec![Spot { triangle: k / 3, barycentric }] }
             };
             let anchors: Vec<Anchor> = self.vertices(*instance).map(at).collect();
-            let found = self.arriving(*instance, &anchors, Columns::Light, MANY)?;
+            let found = self.arriving(*instance, &anchors, &Request { paths: MANY, ..REQUEST })?;
             Ok(self.vertices(*instance).zip(found).map(|(v, f)| self.both(*instance, v, f)).collect())
         };
         LEAVES.iter().map(of).collect()
@@ -168,7 +176,7 @@ impl Bench<'_> {
         for instance in LEAVES {
             let leaf = &self.world.leaves[self.world.instances[instance].leaf];
             let anchors = Anchors::on_leaf(leaf, CHAIN);
-            let fine = self.arriving(instance, &anchors.points, Columns::Light, 2048)?;
+            let fine = self.arriving(instance, &anchors.points, &REQUEST)?;
             let start = Instant::now();
             let nodes = coarser(CHAIN, to);
             let of = |piece: &[[DVec3; 2]], node: &Vec<(usize, f64)>| {
@@ -270,16 +278,16 @@ impl Bench<'_> {
         })
     }
 
-    fn row(&self, knob: &str, setting: String, grid: [usize; 2], columns: Columns, paths: u32) -> Result<BenchRow> {
+    fn row(&self, knob: &str, setting: String, grid: [usize; 2], request: &Request) -> Result<BenchRow> {
         let (mut us, mut bytes) = (0.0, 0);
         let mut found = Vec::new();
         for instance in LEAVES {
             let leaf = &self.world.leaves[self.world.instances[instance].leaf];
             let start = Instant::now();
             let anchors = Anchors::on_leaf(leaf, grid);
-            let arriving = self.arriving(instance, &anchors.points, columns, paths)?;
+            let arriving = self.arriving(instance, &anchors.points, request)?;
             us += start.elapsed().as_secs_f64() * 1e6 / LEAVES.len() as f64;
-            bytes = anchors.points.len() * 6 * columns.count() * 8;
+            bytes = anchors.points.len() * 6 * request.columns.count() * 8;
             let at = |v: usize| self.both(instance, v, anchors.between(v, &arriving));
             found.push(self.vertices(instance).map(at).collect());
         }

@@ -14,7 +14,7 @@ use mesophyll_placed::daylight::sun_directions;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::maker::Outcome;
 use mesophyll_transport::World;
-use mesophyll_transport::transfer::Columns;
+use mesophyll_transport::transfer::{Columns, Method};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -33,7 +33,15 @@ pub fn options(scene: &Scene) -> Option<Options> {
         Columns::Harmonics(bands) => bands,
         Columns::Light => GLOSS_BANDS,
     };
-    Some(Options { anchors: asked.anchors, columns, gloss_bands, paths: asked.paths, seed: asked.seed, force: false })
+    Some(Options {
+        method: asked.method,
+        anchors: asked.anchors,
+        columns,
+        gloss_bands,
+        paths: asked.paths,
+        seed: asked.seed,
+        force: false,
+    })
 }
 
 /// The scene in the form from which a transfer is made.
@@ -110,6 +118,24 @@ pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<O
 pub fn folder(manifest: &Manifest, bands: Option<usize>, out: &Path) -> PathBuf {
     let bands = bands.map_or(String::new(), |b| format!("-{b}-bands"));
     out.join("fits").join(format!("{}-transfer{bands}", manifest.name))
+}
+
+impl Scene {
+    /// Makes the scene's transfer by multi-bounce ambient occlusion in a folder below `out`, or reads the one that is
+    /// there, and has it take the place of the scene's own.
+    ///
+    /// # Errors
+    /// As [`make`].
+    pub fn occlude(&mut self, out: &Path, ledger: &Ledger) -> Result<()> {
+        let Some(options) = options(self).map(|o| Options { method: Method::AmbientOcclusion, ..o }) else {
+            return Ok(());
+        };
+        let of = of(self, &options, ledger)?;
+        let folder = out.join("fits").join(format!("{}-occlusion", self.manifest.name));
+        fit::run(&of, &[&self.manifest.path], &folder, &options)?;
+        self.transfer = Transfer::open(&folder, &of, &options)?;
+        Ok(())
+    }
 }
 
 impl Scene {

@@ -146,8 +146,7 @@ fn deep_transmission_follows_the_diffusion_length() {
 #[test]
 fn fast_agrees_with_exact_everywhere() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let count = if cfg!(debug_assertions) { 2500 } else { 20_000 };
-    for _ in 0..count {
+    for _ in 0..2500 {
         let (omega, absorbed) = albedo(&mut rng);
         let delta = log_uniform(&mut rng, 1e-8, 5e3);
         let (fast, want) = (reduced(omega, absorbed, delta).0, exact::solve(omega, absorbed, delta));

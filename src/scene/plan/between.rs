@@ -9,6 +9,7 @@ use mesophyll_manifest::{Manifest, Shadows, Transfer, ViewKind};
 use mesophyll_placed::Placed;
 use mesophyll_placed::daylight::sun_directions;
 use mesophyll_placed::placement::Placement;
+use mesophyll_transport::transfer::Method;
 
 /// Number of bands of the light where it moves and the scene does not state the number, as in the paper (Wang et al.
 /// 2005, §4).
@@ -142,7 +143,11 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<
     plan.light.between = Some(Between { bands, sun_visibility: shadows.is_ok() });
     plan.light.sky_bands = plan.light.sky_bands.max(bands.unwrap_or(0));
     let mut need = Need::new(NAME, "the scene asks for it: leaves hide the sky from each other and light each other");
-    need.amount = Some(format!("{along}x{across} anchors a leaf, {} paths each", asked.paths));
+    let way = match asked.method {
+        Method::Paths => "paths",
+        Method::AmbientOcclusion => "rays (ambient occlusion)",
+    };
+    need.amount = Some(format!("{along}x{across} anchors a leaf, {} {way} each", asked.paths));
     plan.need(need);
     let vertices: usize =
         placed.placements.iter().filter_map(|p| placed.leaves[p.leaf].mesh.as_ref()).map(|m| m.positions.len()).sum();

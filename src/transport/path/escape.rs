@@ -43,6 +43,11 @@ impl Tracer<'_> {
     /// Radiance that arrives along `ray` against its (unit) direction, from sky and surfaces, without the sun's disk.
     pub(crate) fn arriving(&self, ray: Ray, samples: &mut Samples) -> [f64; 3] {
         let brought = self.follow(ray, samples);
-        if brought.met { brought.radiance } else { self.lights.sky(ray.direction) }
+        if brought.met { brought.radiance } else { self.sky(ray.direction) }
+    }
+
+    /// Radiance of the sky in a direction, without the sun's disk.
+    pub(crate) fn sky(&self, direction: DVec3) -> [f64; 3] {
+        self.lights.sky(direction)
     }
 }

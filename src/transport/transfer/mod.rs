@@ -6,9 +6,10 @@
 //! quantities that shading needs.
 
 pub mod anchors;
+mod occlusion;
 pub mod operator;
 #[cfg(test)]
 mod tests;
 
 pub use anchors::{Anchor, Anchors, Spot};
-pub use operator::{Columns, Found, Receiver, Request, Rows, measure};
+pub use operator::{Columns, Found, Method, Receiver, Request, Rows, measure};

@@ -19,13 +19,15 @@
 //! estimated by Monte Carlo with Owen-scrambled Sobol points.
 
 use super::anchors::{Anchor, normal, position};
+use super::occlusion::Hidden;
 use crate::path::{Samples, Tracer};
 use crate::seeds::{mix, scramble};
-use crate::stage::rotation;
+use crate::stage::{SideBy, rotation};
 use crate::world::World;
 use glam::DVec3;
 use mesophyll_sky::harmonics::Basis;
 use rayon::prelude::*;
+use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
 /// The functions that a light is a sum of.
@@ -80,9 +82,22 @@ pub struct Receiver<'a> {
     pub rows: Rows,
 }
 
+/// How light between surfaces is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// By paths that are followed through all scatterings.
+    #[default]
+    Paths,
+    /// By one ray each, and an estimate of what surfaces in the way show ([`super::occlusion`]).
+    AmbientOcclusion,
+}
+
 /// The settings of the computation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
+    /// How light between surfaces is found.
+    pub method: Method,
     /// The functions that the light is a sum of.
     pub columns: Columns,
     /// Paths from each anchor, in all directions; at least [`ROUNDS`].
@@ -163,11 +178,13 @@ impl At {
         let weight = sphere / f64::from(each) / f64::from(ROUNDS);
         let mut sum = vec![[0f32; 4]; rows * columns];
         let mut round = sum.clone();
+        let mut values = vec![0.0; rows];
         let mut harmonics = vec![0.0; basis.bands().pow(2)];
         let mut arriving = vec![[0f32; 4]; columns];
         let mut levels = [0.0; ROUNDS as usize];
         for (q, level) in levels.iter_mut().enumerate() {
             round.fill([0.0; 4]);
+            let mut hidden = Hidden::none(rows);
             for k in 0..each {
                 let mut samples = Samples::new(scramble(seed, q as u64), k);
                 let drawn = samples.next();
@@ -175,27 +192,40 @@ impl At {
                     continue;
                 };
                 let ray = self.direction(normal, drawn);
-                let back = self.rows != Rows::Front && ray.dot(normal) < 0.0;
                 let out = tracer.stage.leave(point, normal, ray);
-                if !arrives(tracer, out, request.columns, &basis, &mut harmonics, &mut arriving, &mut samples) {
-                    continue;
-                }
-                let mut add = |row: usize, by: f64| {
-                    let by = (by * weight) as f32;
-                    for (to, from) in round[row * columns..][..columns].iter_mut().zip(&arriving) {
-                        (0..4).for_each(|c| to[c] += by * from[c]);
+                self.values(ray, normal, weight, &basis, &mut values);
+                let arrived = match request.method {
+                    Method::Paths => {
+                        arrives(tracer, out, request.columns, &basis, &mut harmonics, &mut arriving, &mut samples)
+                    }
+                    Method::AmbientOcclusion => {
+                        self.meet_sun(tracer, point, normal, f64::from(each * ROUNDS), &mut hidden);
+                        match tracer.stage.nearest(&out) {
+                            Some(met) => {
+                                let surface = tracer.stage.surface(&met, SideBy::Triangle);
+                                let cosine = surface.toward_viewer().dot(self.normal);
+                                hidden.add(&values, cosine, surface.rho_d(), surface.rho_t());
+                                false
+                            }
+                            None => {
+                                straight(tracer, ray, request.columns, &basis, &mut harmonics, &mut arriving);
+                                true
+                            }
+                        }
                     }
                 };
-                let first = if back { 3 } else { 0 };
-                match self.rows {
-                    Rows::Front => add(0, ray.dot(normal).max(0.0)),
-                    Rows::Both => (0..3).for_each(|c| add(first + c, ray[c])),
-                    Rows::Glossy(bands) => {
-                        (0..3).for_each(|c| add(first + c, ray[c]));
-                        basis.fill(ray.to_array(), &mut harmonics);
-                        (0..bands * bands).for_each(|c| add(6 + c, harmonics[c]));
+                if !arrived {
+                    continue;
+                }
+                for (row, value) in values.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+                    let value = *value as f32;
+                    for (to, from) in round[row * columns..][..columns].iter_mut().zip(&arriving) {
+                        (0..4).for_each(|c| to[c] += value * from[c]);
                     }
                 }
+            }
+            if request.method == Method::AmbientOcclusion {
+                hidden.close(&mut round, columns, 1.0 / f64::from(ROUNDS), |row| self.irradiance(row));
             }
             *level = self.level(&round, request.columns);
             for (to, from) in sum.iter_mut().zip(&round) {
@@ -206,6 +236,48 @@ impl At {
         let mean = levels.iter().sum::<f64>() / n;
         let spread = levels.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
         (sum, if mean > 0.0 { (spread.sqrt() / mean) as f32 } else { f32::NAN })
+    }
+
+    /// Writes what light along `ray` adds to each row, times a weight.
+    fn values(&self, ray: DVec3, normal: DVec3, weight: f64, basis: &Basis, out: &mut [f64]) {
+        if self.rows == Rows::Front {
+            out[0] = weight * ray.dot(normal).max(0.0);
+            return;
+        }
+        let first = if ray.dot(normal) < 0.0 { 3 } else { 0 };
+        out[..6].fill(0.0);
+        (0..3).for_each(|c| out[first + c] = weight * ray[c]);
+        if let Rows::Glossy(bands) = self.rows {
+            let mut all = [0.0; 49];
+            basis.fill(ray.to_array(), &mut all[..basis.bands().pow(2)]);
+            (0..bands * bands).for_each(|c| out[6 + c] = weight * all[c]);
+        }
+    }
+
+    /// Irradiance of front and back from the values of the rows. Wood and ground have no back: it gets what the front
+    /// gets.
+    fn irradiance(&self, row: &dyn Fn(usize) -> f64) -> [f64; 2] {
+        match self.rows {
+            Rows::Front => [row(0); 2],
+            _ => [(0, 1.0), (3, -1.0)]
+                .map(|(first, sign)| sign * (0..3).map(|c| row(first + c) * self.normal[c]).sum::<f64>()),
+        }
+    }
+
+    /// Adds the sun's light at a point of the neighbourhood, of which there are `count`.
+    fn meet_sun(&self, tracer: &Tracer, point: DVec3, normal: DVec3, count: f64, hidden: &mut Hidden) {
+        let Some(sun) = &tracer.world().sun else { return };
+        let l = sun.direction.normalize_or_zero();
+        let cosine = l.dot(normal);
+        if tracer.stage.blocked(&tracer.stage.leave(point, normal, l)) {
+            return;
+        }
+        let irradiance = sun.irradiance.map(|e| e * cosine.abs() / count);
+        match self.rows {
+            Rows::Front if cosine < 0.0 => {}
+            Rows::Front => [false, true].into_iter().for_each(|back| hidden.add_sun(back, irradiance)),
+            _ => hidden.add_sun(cosine < 0.0, irradiance),
+        }
     }
 
     /// A direction of the sphere, or of the front's half of it, with uniform density.
@@ -230,6 +302,27 @@ impl At {
             _ => (0..3).map(|c| (light(c) - light(3 + c)) * self.normal[c]).sum::<f64>(),
         };
         sum * even
+    }
+}
+
+/// Writes the light that comes straight from `direction` into `out`, for each column.
+fn straight(
+    tracer: &Tracer,
+    direction: DVec3,
+    columns: Columns,
+    basis: &Basis,
+    harmonics: &mut [f64],
+    out: &mut [[f32; 4]],
+) {
+    match columns {
+        Columns::Light => {
+            let [r, g, b] = tracer.sky(direction).map(|v| v as f32);
+            out[0] = [r, g, b, 0.0];
+        }
+        Columns::Harmonics(_) => {
+            basis.fill(direction.to_array(), harmonics);
+            out.iter_mut().zip(harmonics.iter()).for_each(|(to, y)| *to = [0.0, 0.0, 0.0, *y as f32]);
+        }
     }
 }
 

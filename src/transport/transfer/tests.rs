@@ -25,7 +25,7 @@ fn of(world: &World, instance: usize, grid: [usize; 2], rows: Rows, request: Req
     measure(&tracer, &Receiver { instance, anchors: &anchors.points, rows }, &request)
 }
 
-const HARMONICS: Request = Request { columns: Columns::Harmonics(5), paths: 2048, seed: 3 };
+const HARMONICS: Request = Request { method: Method::Paths, columns: Columns::Harmonics(5), paths: 2048, seed: 3 };
 
 /// Light of radiance 1 all around.
 fn even() -> Vec<[f64; 3]> {
@@ -96,11 +96,66 @@ fn leaves_that_absorb_nothing_change_no_even_light() {
         world.instances.push(Placement { leaf: 0, transform: DMat4::from_rotation_translation(turn, at) });
     }
     let normal = crate::stage::rotation(&world.instances[7]) * DVec3::Z;
-    let found = of(&world, 7, [2, 2], Rows::Both, HARMONICS);
-    for (rows, error) in under(&found, 6, &even()).iter().zip(&found.errors) {
-        let level = along(rows, normal).iter().sum::<f64>() / (2.0 * PI);
-        assert!((level - 1.0).abs() < 4.0 * f64::from(*error) + 1e-3, "{level} ± {error}");
-        assert!(*error < 0.02, "{error}");
+    for method in [Method::Paths, Method::AmbientOcclusion] {
+        let found = of(&world, 7, [2, 2], Rows::Both, Request { method, ..HARMONICS });
+        for (rows, error) in under(&found, 6, &even()).iter().zip(&found.errors) {
+            let level = along(rows, normal).iter().sum::<f64>() / (2.0 * PI);
+            assert!((level - 1.0).abs() < 4.0 * f64::from(*error) + 1e-3, "{method:?}: {level} ± {error}");
+            assert!(*error < 0.02, "{method:?}: {error}");
+        }
+    }
+}
+
+/// Between two wide plates, ambient occlusion assumes that the other plate gets what this one gets, side by side: the
+/// hidden side gets E = ρ π + τ E, where ρ and τ are the other plate's. The single number of wood and ground takes both
+/// sides of what hides it to get what it gets itself.
+#[test]
+fn ambient_occlusion_between_plates_meets_its_closed_form() {
+    let (upper, lower) = (([0.3, 0.5], 0.35), ([0.45, 0.5], 0.4));
+    let world = plates(1e6, &[(20.0, upper.0, upper.1), (0.0, lower.0, lower.1)]);
+    let request = Request { method: Method::AmbientOcclusion, paths: 8192, ..HARMONICS };
+    let light = Request { columns: Columns::Light, ..request };
+    let mut lit = world.clone();
+    lit.sky = Some([1.0; 3]);
+    let expected = [[1.0, lower.0[0] / (1.0 - lower.1)], [upper.0[1] / (1.0 - upper.1), 1.0]];
+    for (instance, wanted) in expected.into_iter().enumerate() {
+        let by_bands = of(&world, instance, [1, 1], Rows::Both, request);
+        let itself = of(&lit, instance, [1, 1], Rows::Both, light);
+        for seen in
+            [&under(&by_bands, 6, &even())[0], &under(&itself, 6, &[[1.0; 3]])[0]].map(|rows| along(rows, DVec3::Z))
+        {
+            for (e, want) in seen.into_iter().zip(wanted) {
+                assert!((e / PI - want).abs() < 5e-3, "{instance}: {}, expected {want}", e / PI);
+            }
+        }
+    }
+    let open = of(&lit, 0, [1, 1], Rows::Front, light);
+    assert!((f64::from(open.entries[0][1]) / PI - 1.0).abs() < 2e-3, "{}", open.entries[0][1]);
+    let shut = of(&lit, 1, [1, 1], Rows::Front, light);
+    assert!(
+        shut.entries[0][1].abs() < 1e-6,
+        "no light gets between the plates but by the back: {}",
+        shut.entries[0][1]
+    );
+    // The sun above the upper plate comes in by its back as the sky does.
+    lit.sky = None;
+    lit.sun = Some(ReferenceSun { direction: DVec3::Z, irradiance: [2.0; 3], radius: 0.005 });
+    let [front, back] = along(&under(&of(&lit, 0, [1, 1], Rows::Both, light), 6, &[[1.0; 3]])[0], DVec3::Z);
+    let wanted = lower.0[0] * 2.0 / (1.0 - lower.1);
+    assert!(front == 0.0 && (back / wanted - 1.0).abs() < 5e-3, "{front} {back}, expected {wanted}");
+}
+
+/// Black surfaces send no light on. Ambient occlusion is then the same as paths.
+#[test]
+fn among_black_leaves_ambient_occlusion_is_exact() {
+    let mut world = plates(10.0, &[(4.0, [0.0; 2], 0.0), (0.0, [0.0; 2], 0.0)]);
+    world.instances[0].transform = DMat4::from_translation(DVec3::new(7.0, 3.0, 4.0));
+    for columns in [Columns::Harmonics(5), Columns::Light] {
+        world.sky = Some([0.7; 3]);
+        let [paths, occlusion] = [Method::Paths, Method::AmbientOcclusion]
+            .map(|method| of(&world, 1, [2, 2], Rows::Glossy(3), Request { method, columns, ..HARMONICS }));
+        assert!(paths.entries.iter().flatten().any(|v| *v != 0.0));
+        assert_eq!(paths, occlusion);
     }
 }
 
@@ -156,7 +211,7 @@ fn harmonics_and_the_light_itself_agree() {
 fn the_suns_disk_is_left_out() {
     let mut world = plates(1e6, &[(0.0, [0.4, 0.3], 0.2)]);
     world.sun = Some(ReferenceSun { direction: DVec3::Z, irradiance: [2.0; 3], radius: 0.005 });
-    let request = Request { columns: Columns::Light, paths: 512, seed: 1 };
+    let request = Request { columns: Columns::Light, paths: 512, seed: 1, ..HARMONICS };
     assert!(of(&world, 0, [1, 1], Rows::Both, request).entries.iter().flatten().all(|v| *v == 0.0));
     // A plate above it gets ρd E/π from below.
     world.instances.push(Placement { leaf: 0, transform: DMat4::from_translation(-DVec3::Z) });

@@ -1,6 +1,6 @@
 //! Tests of the whole user interface. It is drawn without a display, and synthetic pointer events operate it.
 
-#[path = "../../../tests/common/mod.rs"]
+#[path = "../../../tests/drawing/common/mod.rs"]
 mod common;
 
 mod bench;

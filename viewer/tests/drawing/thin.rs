@@ -1,9 +1,7 @@
 //! Far plants have fewer and larger leaves, and nothing outside the view is drawn. The picture stays the same and costs
 //! less.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
 use mesophyll_viewer::scene::{Instance, Scene};
 use mesophyll_viewer::{Picture, Renderer};

@@ -1,8 +1,6 @@
 //! A part that a scene does not need is neither created nor uploaded, and cannot change the picture.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::scene::{Instance, Interior, Leaf, Material, Opaque, Scene, Side, SideMaps};
 use mesophyll_viewer::{Picture, Renderer};

@@ -1,8 +1,6 @@
 //! An environment map behind a scene: which texel is seen in which direction, and that it lights nothing.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::Error;
 use mesophyll_viewer::scene::{Backdrop, Camera};

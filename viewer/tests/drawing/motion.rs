@@ -1,8 +1,6 @@
 //! Motion vectors agree with triangles that are projected twice in double precision.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{DQuat, DVec3, Quat, Vec3};
 use mesophyll_viewer::Renderer;
 use mesophyll_viewer::scene::{Camera, Carried, Scene, Section, Sections, Wind};

@@ -1,9 +1,7 @@
 //! Light that comes through by translucency maps agrees with the formula, which is written again here. A leaf without
 //! such maps costs nothing more.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Interior, Leaf, Scene, Side, Translucency};
 use mesophyll_viewer::{Picture, Renderer};

@@ -1,7 +1,7 @@
-//! Scenes with known answers. Each test file uses a part of them.
+//! Scenes with known answers.
 #![allow(dead_code)]
 
-#[path = "../../../tests/common/skips.rs"]
+#[path = "../../../../tests/common/skips.rs"]
 pub mod skips;
 
 use glam::{Quat, Vec2, Vec3, Vec4};

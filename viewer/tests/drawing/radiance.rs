@@ -1,8 +1,6 @@
 //! The radiance of a flat uniform leaf agrees with closed forms.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::scene::{Camera, Interior, Lobe, Scene};
 use mesophyll_viewer::{Backend, Error, Options, Renderer};
@@ -259,7 +257,7 @@ fn no_adapter_is_its_own_error() {
     // WGPU_BACKEND is read when an adapter is chosen. A process of its own keeps it from the other tests.
     let me = std::env::current_exe().expect("path");
     let child = std::process::Command::new(me)
-        .args(["--exact", "child_without_adapter", "--ignored", "--nocapture"])
+        .args(["--exact", "radiance::child_without_adapter", "--ignored", "--nocapture"])
         .env("WGPU_BACKEND", "metal")
         .output()
         .expect("child");

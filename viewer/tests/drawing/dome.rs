@@ -1,8 +1,6 @@
 //! A sky as harmonics. Where its integrals are known in closed form, the drawn radiance agrees with them.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::Renderer;
 use mesophyll_viewer::scene::{Dome, Lobe, Scene};

@@ -1,8 +1,6 @@
 //! The orientation of maps: front and back, normals, masks, minification.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
 use mesophyll_viewer::scene::{Basis, Coefficients, Instance, Interior, Leaf, Scene, SideMaps, Sides, Translucency};
 use std::f64::consts::PI;

@@ -1,9 +1,7 @@
 //! Light that arrives between and by way of other surfaces. The picture shows operator times light at the anchors, and
 //! bilinear means between them. It is computed when the light changes and at no other time.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::scene::{Anchors, Camera, Material, Opaque, Scene, Transfer};
 use std::f32::consts::PI;

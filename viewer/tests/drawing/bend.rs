@@ -1,8 +1,6 @@
 //! Sections in the renderer. They are uploaded and compiled only where they carry something, and time moves them.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Quat, Vec3};
 use mesophyll_viewer::scene::{Carried, Material, Opaque, Scene, Section, Sections, Wind};
 use mesophyll_viewer::{Picture, Renderer};

@@ -1,9 +1,7 @@
 //! A curved leaf with maps on both sides agrees pixel by pixel with the formulas of `scene.rs` in f64. Ray casting,
 //! interpolation and optics are written again for this test.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::scene::{Camera, Interior, Leaf, Lobe, Scene, SideMaps};
 use std::f64::consts::PI;

@@ -1,8 +1,6 @@
 //! Levels of detail: fewer triangles where a leaf is small, with the same picture.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::scene::{Detail, Instance, Scene};
 

@@ -1,8 +1,6 @@
 //! Soft shadows agree with the true share of the sun's disk that is seen.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::scene::{Instance, Material, Scene};
 use std::f64::consts::PI;

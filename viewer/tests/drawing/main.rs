@@ -1,0 +1,18 @@
+//! The renderer draws scenes whose pictures are known: by formulas, by the CPU, or by another way to draw the same.
+//!
+//! These tests are one program, because building a program for each of them takes longer than running most of them.
+
+mod backdrop;
+mod bend;
+mod common;
+mod detail;
+mod dome;
+mod motion;
+mod needs;
+mod radiance;
+mod reference;
+mod shadow;
+mod sides;
+mod thin;
+mod transfer;
+mod translucency;
