@@ -38,8 +38,8 @@ pub struct Args {
     /// Format to write. With a number instead, the option sets the end of an animation (s), as --until does
     #[arg(long, value_parser = FormatOrTime, value_name = "FORMAT", required = true, allow_negative_numbers = true)]
     to: Vec<To>,
-    /// File to write, `-` for standard output; with png, packed, pivots, mitsuba, pbrt, usd, blender and
-    /// materialx a folder
+    /// File to write, `-` for standard output; with png, packed, sigma, pivots, mitsuba, pbrt, usd, blender,
+    /// materialx and bsdf a folder
     #[arg(short, long = "out", alias = "output", value_name = "PATH")]
     output: PathBuf,
     /// Scenes only: time (s) at which the plants are exported (default: the time that [wind] states)

@@ -2,7 +2,9 @@
 
 use super::Common;
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
+#[cfg(feature = "render")]
+use std::path::Path;
+use std::path::PathBuf;
 
 /// Draws a moving scene as a film: a PNG a frame, or a video where ffmpeg is installed.
 #[derive(Debug, clap::Args)]

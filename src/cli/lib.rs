@@ -11,6 +11,7 @@ mod bench;
 mod check;
 mod completions;
 mod drawn;
+mod dress;
 mod eval;
 mod export;
 mod film;
@@ -92,6 +93,8 @@ enum Verb {
     Grow(grow::Args),
     /// Find the branches of a plant that is nothing but triangles
     Import(import::Args),
+    /// Put fitted leaves on a plant that another program wrote
+    Dress(dress::Args),
     /// Open a scene in a window
     View(view::Args),
     /// Write fits in formats other programs read
@@ -119,6 +122,7 @@ impl Verb {
             Verb::Film(_) => "film",
             Verb::Grow(_) => "grow",
             Verb::Import(_) => "import",
+            Verb::Dress(_) => "dress",
             Verb::View(_) => "view",
             Verb::Export(_) => "export",
             Verb::Completions(_) => "completions",
@@ -202,6 +206,7 @@ fn dispatch(cli: &Cli) -> Result<u8> {
         Verb::Film(a) => film::run(a, common),
         Verb::Grow(a) => grow::run(a, common),
         Verb::Import(a) => import::run(a, common),
+        Verb::Dress(a) => dress::run(a, common),
         Verb::View(a) => view::run(a, common),
         Verb::Export(a) => export::run(a, common),
         Verb::Completions(a) => completions::run(a),

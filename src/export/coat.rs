@@ -63,13 +63,12 @@ pub struct Lost {
 }
 
 impl Lost {
-    /// Of these coats; of UsdPreviewSurface without numbers, because its renderers differ. `unsaid` are sentences about
-    /// what the target cannot hold at all.
+    /// Of these coats. `unsaid` are sentences about what the target cannot hold at all.
     pub fn new(format: &str, coats: &[Coat], unsaid: &[String]) -> Lost {
         let mut lines = Vec::new();
         let leaves = coats.iter().map(|coat| {
             let mut one = json!({"name": coat.sheet.name, "texels": coat.sheet.good.len()});
-            for side in Side::ALL.into_iter().filter(|s| format != "usd" && (*s == Side::Front || coat.leaf)) {
+            for side in Side::ALL.into_iter().filter(|s| *s == Side::Front || coat.leaf) {
                 one[side.name()] = record(&coat.loss[side]);
                 lines.push(line(&coat.sheet.name, side, &coat.loss[side]));
             }
@@ -84,6 +83,13 @@ impl Lost {
             "surfaces": leaves,
             "left_out": unsaid,
         });
+        Lost { record, lines }
+    }
+
+    /// Of a target that holds something else than coats: `surfaces` are its records, whose keys `meaning` explains.
+    pub fn other(format: &str, meaning: &str, surfaces: Vec<Value>, mut lines: Vec<String>, unsaid: &[String]) -> Lost {
+        lines.extend(unsaid.iter().map(|what| format!("left out: {what}")));
+        let record = json!({"target": format, "meaning": meaning, "surfaces": surfaces, "left_out": unsaid});
         Lost { record, lines }
     }
 

@@ -100,7 +100,8 @@ pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
     Ok(Lost::new(name, &coats, &unsaid))
 }
 
-fn lit(coat: &Coat, side: Side) -> bool {
+/// Whether a side scatters any light.
+pub(crate) fn lit(coat: &Coat, side: Side) -> bool {
     side == Side::Front && !coat.leaf
         || coat.sheet.texels.iter().any(|t| {
             let p = &t.sides[side];
@@ -125,7 +126,15 @@ fn byte(v: f64) -> u8 {
     (v.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
-fn material(file: &mut Glb, coat: &Coat, side: Side, path: &Path, translucent: bool, double: bool) -> Result<Value> {
+/// The material of a side, with its pictures in the file.
+pub(crate) fn material(
+    file: &mut Glb,
+    coat: &Coat,
+    side: Side,
+    path: &Path,
+    translucent: bool,
+    double: bool,
+) -> Result<Value> {
     let [width, height] = coat.sheet.size;
     let of = |k: usize| -> &Coded { &coat.coded[k][side] };
     let pixels = |pixel: &dyn Fn(usize) -> [u8; 3]| -> Vec<u8> { (0..width * height).flat_map(pixel).collect() };

@@ -5,7 +5,9 @@
 
 mod blade;
 mod blender;
+mod bsdf;
 pub mod coat;
+pub mod dress;
 mod gltf;
 mod materialx;
 mod mitsuba;
@@ -15,6 +17,7 @@ mod pbrt;
 mod ply;
 pub mod shown;
 mod side;
+mod sigma;
 pub mod sky;
 mod table;
 mod texture;
@@ -25,7 +28,6 @@ use mesophyll_files::atomic;
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_leaf::File;
-use mesophyll_optics::side::Side;
 use mesophyll_record::{FitKind, FitRecord, Times};
 use serde_json::json;
 use side::SideMaps;
@@ -63,6 +65,11 @@ pub enum Format {
     /// A folder with the materials alone, as MaterialX with OpenPBR: leaf.mtlx
     #[strum(to_string = "materialx", serialize = "mtlx")]
     Materialx,
+    /// A folder with the gloss of each side as a measured material (.bsdf, RGL's tensors), the mean over the leaf
+    Bsdf,
+    /// A folder of float OpenEXR textures for renderers that follow light inside a leaf: sigma_a and sigma_s in 1/m and
+    /// the thickness in m, a side
+    Sigma,
     /// The blade as Wavefront OBJ in mm with normals, a material library and pictures beside it
     Obj,
     /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
@@ -88,12 +95,15 @@ impl Format {
 
     /// Whether it writes a folder.
     pub fn is_folder(self) -> bool {
-        matches!(self, Format::Png | Format::Packed | Format::Pivots) || self.is_assembly()
+        matches!(self, Format::Png | Format::Packed | Format::Pivots | Format::Sigma) || self.is_assembly()
     }
 
     /// Whether it is a folder with a scene for another renderer.
     pub fn is_assembly(self) -> bool {
-        matches!(self, Format::Mitsuba | Format::Pbrt | Format::Usd | Format::Blender | Format::Materialx)
+        matches!(
+            self,
+            Format::Mitsuba | Format::Pbrt | Format::Usd | Format::Blender | Format::Materialx | Format::Bsdf
+        )
     }
 
     /// Whether a scene can be written so, with everything that stands in it.
@@ -110,6 +120,8 @@ impl Format {
             Format::Csv => &["csv"],
             Format::Json => &["json"],
             Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
+            Format::Bsdf => &["bsdf", "json"],
+            Format::Sigma => &["exr", "json"],
             Format::Obj => &["obj"],
             Format::Mitsuba => &["xml", "ply", "exr", "json"],
             Format::Pbrt => &["pbrt", "ply", "exr", "json"],
@@ -161,6 +173,7 @@ pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, 
         Format::Usd => usd::write,
         Format::Blender => blender::write,
         Format::Materialx => materialx::write,
+        Format::Bsdf => bsdf::write,
         _ => mitsuba::write,
     };
     let (mut files, lost) = write(shown, path)?;
@@ -235,22 +248,14 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()].into());
     }
-    let sides: Vec<SideMaps> = Side::ALL
-        .into_iter()
-        .filter(|s| record.sections.contains_key(s.name()))
-        .map(|s| SideMaps::read(folder, s))
-        .collect::<Result<_>>()?;
-    if sides.is_empty() {
-        let what =
-            format!("{} is a {} fit, which has no maps; it can be exported as json", folder.display(), record.kind);
-        return Err(Error::Usage(what));
-    }
+    let sides = SideMaps::all(&record, folder)?;
     warn_of_changes();
     let alone = || vec![path.to_path_buf()];
     Ok(match format {
         Format::Json | Format::Pivots | Format::Web | Format::Wgsl | Format::C => Vec::new().into(),
         Format::Png => texture::folder(&sides, folder, path)?.into(),
         Format::Packed => packed::folder(&sides, folder, path)?.into(),
+        Format::Sigma => sigma::folder(&sides, folder, path)?,
         Format::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),
         Format::Csv => table::write(&sides, &record, path).map(|()| alone())?.into(),
         Format::Obj => {

@@ -134,6 +134,28 @@ impl Sheet {
         Sheet { mask: mask.clone(), ..Sheet::new(name, mesh, [width, height], texels, normals, on) }
     }
 
+    /// The leaf of a fit folder under its name, and which of its texels, in the front's columns, are on the leaf.
+    ///
+    /// # Errors
+    /// As [`Sheet::of_fit`], and for a fit of another kind.
+    pub fn of_folder(folder: &Path) -> Result<(Sheet, Vec<bool>)> {
+        let leaf = LeafFit::open(folder)?;
+        let sides = SideMaps::all(&leaf.record, folder)?;
+        let on = match sides.first() {
+            Some(first) if first.side == Side::Back => mirror(&first.mask, first.maps.width),
+            first => first.map_or_else(Vec::new, |first| first.mask.clone()),
+        };
+        // 0 is outside; what is negative is a part of the leaf with a defect.
+        Ok((Sheet::of_leaf(&leaf, folder, &sides)?, on.iter().map(|m| *m != 0.0).collect()))
+    }
+
+    /// An opened fit under its name.
+    fn of_leaf(leaf: &LeafFit, folder: &Path, sides: &[SideMaps]) -> Result<Sheet> {
+        let blade = mesh::read(&folder.join(BLADE), None)?;
+        let lobe = leaf.record.scan.as_ref().map_or(Lobe::Beckmann, |s| s.lobe());
+        Ok(Sheet { name: plain_name(&leaf.name), ..Sheet::of_fit(folder, sides, &blade, lobe)? })
+    }
+
     /// The leaf of a fit.
     ///
     /// # Errors
@@ -214,9 +236,7 @@ impl Shown {
     /// As [`Sheet::of_fit`].
     pub fn of_fit(folder: &Path, sides: &[SideMaps]) -> Result<Shown> {
         let leaf = LeafFit::open(folder)?;
-        let blade = mesh::read(&folder.join(BLADE), None)?;
-        let lobe = leaf.record.scan.as_ref().map_or(Lobe::Beckmann, |s| s.lobe());
-        let sheet = Sheet { name: plain_name(&leaf.name), ..Sheet::of_fit(folder, sides, &blade, lobe)? };
+        let sheet = Sheet::of_leaf(&leaf, folder, sides)?;
         let reach = sheet.mesh.positions.iter().flatten().fold(1.0f32, |m, v| m.max(v.abs()));
         let far = 3.2 * f64::from(reach);
         let direction = DVec3::new(-0.2, 0.6, 0.77).normalize();

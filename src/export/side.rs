@@ -1,11 +1,12 @@
 //! A side of a leaf fit as it lies on disk.
 
-use crate::Result;
+use crate::{Error, Result};
 use mesophyll_files::image::{self, Maps};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, pack};
 use mesophyll_optics::side::Side;
+use mesophyll_record::FitRecord;
 use std::path::Path;
 
 /// Maps, errors (where there are any) and the mask of a side.
@@ -22,6 +23,20 @@ pub struct SideMaps {
 }
 
 impl SideMaps {
+    /// Every side that was fitted.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a fit without maps; those of [`SideMaps::read`].
+    pub fn all(record: &FitRecord, folder: &Path) -> Result<Vec<SideMaps>> {
+        let fitted = Side::ALL.into_iter().filter(|s| record.sections.contains_key(s.name()));
+        let sides: Vec<SideMaps> = fitted.map(|s| SideMaps::read(folder, s)).collect::<Result<_>>()?;
+        if sides.is_empty() {
+            let what = "which has no maps; it can be exported as json";
+            return Err(Error::Usage(format!("{} is a {} fit, {what}", folder.display(), record.kind)));
+        }
+        Ok(sides)
+    }
+
     /// # Errors
     /// [`crate::Error::Input`] for a map that cannot be read, or errors or a blade that do not fit to it.
     pub fn read(folder: &Path, side: Side) -> Result<SideMaps> {

@@ -52,7 +52,11 @@ class Scope "Sheets"
     text.push_str("}\n");
     let mut unsaid = shown.left_out.clone();
     unsaid.push("transmitted light, and the back: the front's colours are on both sides".into());
-    unsaid.push("the loss as a number: renderers of UsdPreviewSurface differ, and none was compared".into());
+    unsaid.push(
+        "what renderers of UsdPreviewSurface do otherwise: the errors are those of GGX with Smith's masking and \
+         Schlick's Fresnel factor, and none was compared"
+            .into(),
+    );
     let lost = Lost::new("usd", &coats, &unsaid);
     let path = folder.join("scene.usda");
     atomic::write_bytes(&path, text.as_bytes())?;

@@ -16,10 +16,32 @@ pub struct Glb {
     views: Vec<Value>,
     accessors: Vec<Value>,
     images: Vec<Value>,
+    textures: Vec<Value>,
+    samplers: Vec<Value>,
+    /// The sampler of the pictures that are added.
+    sampler: Option<usize>,
 }
 
 impl Glb {
-    fn view(&mut self, bytes: &[u8]) -> usize {
+    /// Goes on with a file that exists: `root` is its JSON, whose lists are taken out of it, and `bin` its only buffer.
+    pub fn onto(root: &mut Value, bin: Vec<u8>) -> Glb {
+        let mut list = |name: &str| match root.get_mut(name).map(Value::take) {
+            Some(Value::Array(list)) => list,
+            _ => Vec::new(),
+        };
+        Glb {
+            bin,
+            views: list("bufferViews"),
+            accessors: list("accessors"),
+            images: list("images"),
+            textures: list("textures"),
+            samplers: list("samplers"),
+            sampler: None,
+        }
+    }
+
+    /// Adds bytes as they are, in a view of their own. Returns the view's index.
+    pub fn view(&mut self, bytes: &[u8]) -> usize {
         while !self.bin.len().is_multiple_of(4) {
             self.bin.push(0);
         }
@@ -72,24 +94,30 @@ impl Glb {
         self.accessors.len() - 1
     }
 
-    /// Adds a picture and returns a texture reference to it.
+    /// Adds a picture and returns a texture reference to it. It is sampled linearly and clamped to its edge.
     pub fn texture(&mut self, name: &str, png: &[u8]) -> Value {
         let view = self.view(png);
         self.images.push(json!({"name": name, "bufferView": view, "mimeType": "image/png"}));
-        json!({"index": self.images.len() - 1})
+        let samplers = &mut self.samplers;
+        let sampler = *self.sampler.get_or_insert_with(|| {
+            samplers.push(json!({"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}));
+            samplers.len() - 1
+        });
+        self.textures.push(json!({"source": self.images.len() - 1, "sampler": sampler}));
+        json!({"index": self.textures.len() - 1})
     }
 
-    /// Writes `path` (.glb), completely or not at all. `root` is the rest of the file's JSON. Every picture is the
-    /// texture of the same index, sampled linearly and clamped to its edge.
+    /// Writes `path` (.glb), completely or not at all. `root` is the rest of the file's JSON.
     ///
     /// # Errors
     /// As [`atomic::write_bytes`].
     pub fn write(self, path: &Path, mut root: Value) -> Result<()> {
-        if !self.images.is_empty() {
-            let textures: Vec<Value> = (0..self.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
-            root["textures"] = json!(textures);
-            root["samplers"] = json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]);
-            root["images"] = json!(self.images);
+        for (name, list) in [("textures", self.textures), ("samplers", self.samplers), ("images", self.images)] {
+            // A list of glTF may not be empty.
+            match root.as_object_mut() {
+                Some(root) if list.is_empty() => drop(root.remove(name)),
+                _ => root[name] = json!(list),
+            }
         }
         root["accessors"] = json!(self.accessors);
         root["bufferViews"] = json!(self.views);

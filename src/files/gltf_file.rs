@@ -6,6 +6,7 @@ use crate::unit::Unit;
 use crate::{Error, Result};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
+use serde_json::{Value, json};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path};
 
@@ -84,6 +85,63 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
         buffers.push(data);
     }
     Ok(Opened { document, buffers, unit })
+}
+
+/// An opened file as JSON and one buffer: what lies beside it, buffers and pictures, is taken in. Everything else stays
+/// as it is, extensions and extras too.
+///
+/// # Errors
+/// [`Error::Input`]: a picture that is missing, buffers that are compressed.
+pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let json = if bytes.starts_with(b"glTF") {
+        gltf::binary::Glb::from_slice(&bytes).map_err(|e| Error::input(path, sentence(&e)))?.json.into_owned()
+    } else {
+        bytes
+    };
+    let mut root: Value = serde_json::from_slice(&json).map_err(|e| Error::input(path, e))?;
+    let (mut bin, mut starts) = (Vec::new(), Vec::new());
+    let add = |bin: &mut Vec<u8>, bytes: &[u8]| {
+        bin.resize(bin.len().next_multiple_of(4), 0);
+        bin.extend_from_slice(bytes);
+        bin.len() - bytes.len()
+    };
+    for data in &opened.buffers {
+        starts.push(add(&mut bin, &data.0));
+    }
+    let mut views = match root.get_mut("bufferViews").map(Value::take) {
+        Some(Value::Array(views)) => views,
+        _ => Vec::new(),
+    };
+    for (k, view) in views.iter_mut().enumerate() {
+        if let Some(name) = ["EXT_meshopt_compression", "KHR_meshopt_compression"]
+            .iter()
+            .find(|name| view["extensions"][**name].is_object())
+        {
+            let field = format!("bufferViews[{k}]");
+            return Err(Error::unexpected(path, &field, name, "a file whose buffers are not compressed"));
+        }
+        let start = view["buffer"].as_u64().and_then(|b| starts.get(b as usize)).copied().unwrap_or(0);
+        view["byteOffset"] = json!(view["byteOffset"].as_u64().unwrap_or(0) + start as u64);
+        view["buffer"] = json!(0);
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for image in root.get_mut("images").and_then(Value::as_array_mut).into_iter().flatten() {
+        let Some(uri) = image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) else { continue };
+        let beside = folder.join(percent_decode(uri));
+        let picture = std::fs::read(&beside).map_err(|e| Error::input(&beside, explain(&e)))?;
+        if picture.starts_with(b"\x89PNG") || picture.starts_with(b"\xff\xd8") {
+            image["mimeType"] = json!(if picture[0] == 0xff { "image/jpeg" } else { "image/png" });
+        } else if !image["mimeType"].is_string() {
+            return Err(Error::input(&beside, "found a picture of an unknown kind, expected PNG or JPEG"));
+        }
+        let start = add(&mut bin, &picture);
+        image["bufferView"] = json!(views.len());
+        views.push(json!({"buffer": 0, "byteOffset": start, "byteLength": picture.len()}));
+        image.as_object_mut().map(|image| image.remove("uri"));
+    }
+    root["bufferViews"] = json!(views);
+    Ok((root, bin))
 }
 
 /// Positions of a primitive's vertices in its mesh's frame, and three indices for each triangle.

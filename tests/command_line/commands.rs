@@ -226,7 +226,7 @@ fn the_commands_of_the_tutorials_run() {
 
 #[test]
 fn the_commands_of_the_export_page_run() {
-    assert_eq!(run_page("docs/export.md", false), [8, 0]);
+    assert_eq!(run_page("docs/export.md", false), [11, 0]);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use mesophyll::capture::dome::manifest::Manifest as DomeManifest;
 use mesophyll::capture::manifest::Manifest;
 use mesophyll::capture::synth::spec::Spec as LeafSpec;
 use mesophyll::files::table::{Record, Table};
-use mesophyll::files::{image, mesh};
+use mesophyll::files::{gltf_file, image, mesh};
 use mesophyll::fit::gloss::geometry::Geometry;
 use mesophyll::flora::grow::meadow::Meadow;
 use mesophyll::flora::grow::spec::Spec as PlantSpec;
@@ -167,4 +167,23 @@ fn meshes() {
     let small = std::fs::metadata(&plant).unwrap().len();
     println!("a plant of {small} bytes");
     try_all(&plant, |p| mesophyll::flora::file::read(p).is_ok());
+    let kept = [mesophyll::flora::file::INSTANCING];
+    try_all(&plant, |p| gltf_file::read(p, &kept, |opened| gltf_file::whole(p, &opened)).is_ok());
+    // Branches and blades are looked for in whatever triangles are left.
+    try_all(&plant, |p| {
+        mesophyll::flora::import::soup::read(p, None).map(|s| mesophyll::flora::import::find(&s)).is_ok()
+    });
+}
+
+/// Pictures of light from all around, as scenes read them.
+#[test]
+fn environments() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("around.exr");
+    let mut maps = image::Maps::new(16, 8);
+    for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+        maps.push(name, (0..128u8).map(|k| f32::from(k) * 0.01 + c as f32).collect());
+    }
+    image::write_exr(&file, &maps, image::Packing::Zip).unwrap();
+    try_all(&file, |p| mesophyll::transport::environment::Environment::read(p).is_ok());
 }

@@ -17,7 +17,7 @@ use std::process::Command;
 
 /// The numbers that a Python script prints as JSON; a skip where Python has no `module`. `MESOPHYLL_PYTHON` names the
 /// interpreter.
-fn python(module: &str, script: &str, folder: &Path) -> Option<Value> {
+pub fn python(module: &str, script: &str, folder: &Path) -> Option<Value> {
     let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
     let found = Command::new(&python).args(["-c", &format!("import {module}")]).output();
     if !found.is_ok_and(|out| out.status.success()) {
@@ -86,7 +86,7 @@ fn square(lobe: Lobe) -> World {
     }
 }
 
-fn shown(lobe: Lobe) -> Shown {
+pub fn shown(lobe: Lobe) -> Shown {
     let camera = Camera {
         eye: glam::DVec3::new(0.0, -30.0, 50.0),
         target: glam::DVec3::ZERO,

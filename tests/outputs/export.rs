@@ -23,7 +23,7 @@ fn export(folder: &Path, format: &str, to: &str) {
 }
 
 /// A sample fit with a blade of two triangles that covers the maps, 30 mm × 20 mm.
-fn with_blade(folder: &Path) {
+pub fn with_blade(folder: &Path) {
     write_fit(&folder.join("elm"), &Sample::default());
     let blade = Blade {
         positions: vec![[-15.0, 10.0, 0.0], [15.0, 10.0, 0.0], [15.0, -10.0, 0.0], [-15.0, -10.0, 0.0]],

@@ -3,9 +3,11 @@
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 
 mod assembled;
+mod bsdf;
 mod canopy;
 #[path = "../common/mod.rs"]
 mod common;
+mod dress;
 mod export;
 mod look_closer;
 mod panorama;

@@ -149,6 +149,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
     let scale = unit.unwrap_or(Unit::Millimetre).mm();
+    // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
+    let some_have_errors = if wide.is_empty() {
+        names[3..].iter().any(|name| table.column(name).is_some())
+    } else {
+        wide.iter().any(|(_, columns)| columns[2..].iter().any(|name| table.column(name).is_some()))
+    };
     let without_errors = AtomicUsize::new(0);
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let thickness = row.get(if wide.is_empty() { 2 } else { 0 });
@@ -159,8 +165,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let fitted = |wavelength: f64, [rho_d, rho_t, rho_d_err, rho_t_err]: [f64; 4]| {
             let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err };
             let answer = slab::answer(&options, &m);
-            let silent = !m.noise_is_stated(&options) && !answer.values.is_empty();
-            without_errors.fetch_add(usize::from(silent), Ordering::Relaxed);
+            if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
+                without_errors.fetch_add(1, Ordering::Relaxed);
+            }
             if args.plots.is_some() && !answer.values.is_empty() {
                 let leaf = row.text(0).unwrap_or_default().to_string();
                 let point = (row.number(), leaf, wavelength, answer.values.clone());
@@ -190,7 +197,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let files = spectrum::pictures(folder, &leaves)?;
         progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
     }
-    let without_errors = without_errors.into_inner();
+    let without_errors = match args.noise {
+        None if !some_have_errors => tally.ok + tally.undetermined,
+        _ => without_errors.into_inner(),
+    };
     if without_errors > 0 {
         progress::say(format!(
             "no noise is stated for {}: the error cells are empty, and ok says only that the slab could be inverted, \

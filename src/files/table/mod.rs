@@ -88,9 +88,14 @@ pub struct Spec {
 #[derive(Debug)]
 pub struct Row<'a> {
     values: &'a [f64],
-    texts: &'a [Option<&'a str>],
+    record: &'a Record,
+    /// Positions of the columns of words.
+    texts: &'a [Option<usize>],
     number: usize,
 }
+
+/// What answers a row, with an answer for each output row.
+type Answering<'a> = dyn Fn(&Row, &mut Vec<Answer>) + Sync + 'a;
 
 impl Row<'_> {
     /// Value of input column `k` (required ones first, then optional ones); NaN where an optional column or cell is
@@ -104,7 +109,8 @@ impl Row<'_> {
     }
     /// The word in column `k` of words; `None` where there is no such column.
     pub fn text(&self, k: usize) -> Option<&str> {
-        self.texts[k]
+        // A row with a word that is no text was refused before.
+        self.record.text(self.texts[k]).and_then(|text| text.ok())
     }
     /// Number of the row, counted from 1.
     pub fn number(&self) -> usize {
@@ -118,10 +124,7 @@ impl Row<'_> {
 /// # Errors
 /// A missing required column, an output name that the input already has, an unreadable input or an unwritable output.
 /// Bad rows are not errors: they are answered in place with `refused: …`.
-pub fn run<F>(mut table: Table, output: &Output, spec: &Spec, f: F) -> Result<Tally>
-where
-    F: Fn(&Row, &mut Vec<Answer>) + Sync,
-{
+pub fn run(mut table: Table, output: &Output, spec: &Spec, f: impl Fn(&Row, &mut Vec<Answer>) + Sync) -> Result<Tally> {
     let plan = Plan::new(&table, spec)?;
     let mut sink = Sink::open(output, table.source())?;
     sink.write_all(&plan.header_line(&table, spec))?;
@@ -133,7 +136,7 @@ where
     while !(block.rows.is_empty() && done.is_empty()) {
         // While these rows are computed, the rows before are written and those after are read.
         let (computed, moved) = rayon::join(
-            || plan.compute(&block, spec, &f),
+            || plan.compute(&block, spec, &f as &Answering),
             || {
                 for (bytes, part) in done.drain(..) {
                     sink.write_all(&bytes)?;

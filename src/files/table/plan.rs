@@ -3,7 +3,7 @@
 
 use super::rows::{At, Block};
 use super::source::Splitter;
-use super::{Answer, Record, Row, Spec, Table, Tally, push_cell, push_number, push_text};
+use super::{Answer, Answering, Record, Row, Spec, Table, Tally, push_cell, push_number, push_text};
 use crate::{Error, Result};
 use mesophyll_error::Status;
 use rayon::prelude::*;
@@ -58,26 +58,28 @@ impl Plan {
     }
 
     /// Answers all rows of a block, as lines in consecutive parts.
-    pub(super) fn compute<F: Fn(&Row, &mut Vec<Answer>) + Sync>(
-        &self,
-        block: &Block,
-        spec: &Spec,
-        f: &F,
-    ) -> Vec<(Vec<u8>, Tally)> {
+    pub(super) fn compute(&self, block: &Block, spec: &Spec, f: &Answering) -> Vec<(Vec<u8>, Tally)> {
         let chunk = block.rows.len().div_ceil(rayon::current_num_threads() * 4).max(16);
         let parts = block.rows.par_chunks(chunk).enumerate();
         let answer = |(part, rows): (usize, &[At])| {
             let (mut bytes, mut tally) = (Vec::with_capacity(rows.len() * 128), Tally::new(&spec.outputs));
-            let (mut splitter, mut record, mut answers) = (Splitter::default(), Record::default(), Vec::new());
+            let (mut splitter, mut record) = (Splitter::default(), Record::default());
+            let (mut values, mut answers) = (Vec::new(), Vec::new());
             for (k, row) in rows.iter().enumerate() {
                 let place = part * chunk + k;
                 let end = block.rows.get(place + 1).map_or(block.bytes.len(), |next| next.start);
                 let mut text = &block.bytes[row.start..end];
                 let mut number = row.number;
-                while splitter.split(&mut text, &mut record) {
+                while splitter.split(&mut text, row.plain, &mut record) {
                     record.unclosed = block.fault(place).cloned();
                     answers.clear();
-                    self.answer(&record, number, spec, f, &mut answers);
+                    match self.numbers(&record, spec, &mut values) {
+                        Ok(()) => {
+                            f(&Row { values: &values, record: &record, texts: &self.texts, number }, &mut answers)
+                        }
+                        Err(why) => answers.push(Answer::refused(why)),
+                    }
+                    debug_assert!(answers.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
                     for answer in &answers {
                         tally.count(&answer.status, &answer.values);
                         self.write_row(&mut bytes, &record, answer);
@@ -90,32 +92,23 @@ impl Plan {
         parts.map(answer).collect()
     }
 
-    pub(super) fn answer<F: Fn(&Row, &mut Vec<Answer>)>(
-        &self,
-        record: &Record,
-        number: usize,
-        spec: &Spec,
-        f: &F,
-        out: &mut Vec<Answer>,
-    ) {
-        match self.parsed(record, spec) {
-            Ok((values, texts)) => f(&Row { values: &values, texts: &texts, number }, out),
-            Err(why) => out.push(Answer::refused(why)),
-        }
-        debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
-    }
-
     /// Numbers and words of a row, or what is wrong with the row.
-    #[allow(clippy::type_complexity)]
     pub(super) fn parsed<'a>(
         &self,
         record: &'a Record,
         spec: &Spec,
     ) -> std::result::Result<(Vec<f64>, Vec<Option<&'a str>>), String> {
+        let mut values = Vec::with_capacity(self.numbers.len());
+        self.numbers(record, spec, &mut values)?;
+        Ok((values, self.texts.iter().map(|at| record.text(*at).and_then(|text| text.ok())).collect()))
+    }
+
+    /// The numbers of a row, or what is wrong with the row: with its numbers, or with its words.
+    fn numbers(&self, record: &Record, spec: &Spec, values: &mut Vec<f64>) -> std::result::Result<(), String> {
         if let Some(fault) = record.fault(self.width) {
             return Err(fault);
         }
-        let mut values = Vec::with_capacity(self.numbers.len());
+        values.clear();
         for (at, name, needed) in &self.numbers {
             let text = match record.text(*at) {
                 Some(Err(_)) => return Err(format!("{name} is not valid UTF-8 text; expected a number")),
@@ -133,16 +126,20 @@ impl Plan {
                 _ => return Err(format!("{name} is {text:?}; expected a number")),
             }
         }
-        let word = |(at, name): (&Option<usize>, &String)| {
-            record.text(*at).transpose().map_err(|_| format!("{name} is not valid UTF-8 text; expected a word"))
-        };
-        let texts = self.texts.iter().zip(&spec.texts).map(word).collect::<std::result::Result<_, String>>()?;
-        Ok((values, texts))
+        match self.texts.iter().zip(&spec.texts).find(|(at, _)| record.text(**at).is_some_and(|text| text.is_err())) {
+            Some((_, name)) => Err(format!("{name} is not valid UTF-8 text; expected a word")),
+            None => Ok(()),
+        }
     }
 
     pub(super) fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer) {
         for &k in &self.carried {
-            push_cell(bytes, record.bytes(k));
+            let cell = record.bytes(k);
+            if record.is_plain() {
+                bytes.extend_from_slice(cell)
+            } else {
+                push_cell(bytes, cell)
+            }
             bytes.push(b',');
         }
         push_cells(bytes, answer, &self.whole);

@@ -3,6 +3,7 @@
 use super::rows::{Block, Rows};
 use crate::atomic;
 use crate::{Error, Result};
+use memchr::memchr_iter;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fs::File;
@@ -133,7 +134,8 @@ impl Table {
     pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
         loop {
             let mut rest = &self.block.bytes[self.at..];
-            if self.splitter.split(&mut rest, record) {
+            let plain = self.block.rows.first().is_some_and(|row| row.plain);
+            if self.splitter.split(&mut rest, plain, record) {
                 self.at = self.block.bytes.len() - rest.len();
                 record.unclosed = self.block.fault(0).cloned();
                 return Ok(true);
@@ -149,10 +151,13 @@ impl Table {
     /// Reads the next `most` rows, or fewer where they are long, without looking at their cells; reads none at the end.
     pub(super) fn next_block(&mut self, most: usize, block: &mut Block) -> Result<()> {
         block.clear();
-        while block.rows.len() < most
-            && block.bytes.len() < MOST_BYTES
-            && self.rows.next(block).map_err(|e| self.unreadable(&e))?
-        {}
+        while block.rows.len() < most && block.bytes.len() < MOST_BYTES {
+            self.rows.in_memory(block, most).map_err(|e| self.unreadable(&e))?;
+            // What is left begins with a quote, or with the part of a line that ends further on in the file.
+            if block.rows.len() < most && !self.rows.next(block).map_err(|e| self.unreadable(&e))? {
+                break;
+            }
+        }
         Ok(())
     }
 
@@ -173,12 +178,18 @@ impl Default for Splitter {
 }
 
 impl Splitter {
-    /// Takes the first row off `rows`, which end in a line feed; returns false where there is none.
-    pub fn split(&mut self, rows: &mut &[u8], record: &mut Record) -> bool {
+    /// Takes the first row off `rows`, which end in a line feed; returns false where there is none. `plain` says that
+    /// it is the only one and has no quotes.
+    pub fn split(&mut self, rows: &mut &[u8], plain: bool, record: &mut Record) -> bool {
         // The reader beneath takes an empty input for the end of the file and then reads no more.
         if rows.is_empty() {
             return false;
         }
+        if plain {
+            record.hold(std::mem::take(rows));
+            return true;
+        }
+        record.between = 0;
         let (mut filled, mut count) = (0, 0);
         // A row has no more bytes in its cells than in the file.
         if record.bytes.len() < rows.len() {
@@ -212,6 +223,8 @@ pub struct Record {
     bytes: Vec<u8>,
     /// Where each cell's text ends.
     ends: Vec<usize>,
+    /// Bytes between two cells: the comma of a row that was taken as it is.
+    between: usize,
     /// How many cells there are.
     count: usize,
     /// Why the row's quotes make no sense, if so.
@@ -219,6 +232,22 @@ pub struct Record {
 }
 
 impl Record {
+    /// Takes a line without quotes as it is.
+    fn hold(&mut self, line: &[u8]) {
+        self.bytes.clear();
+        self.bytes.extend_from_slice(line);
+        self.ends.clear();
+        self.ends.extend(memchr_iter(b',', line));
+        // The end of the line is a blank at the end of the last cell.
+        self.ends.push(line.len());
+        (self.count, self.between) = (self.ends.len(), 1);
+    }
+
+    /// Whether its cells stand in the file as they are, so that none needs quotes when it is written.
+    pub(super) fn is_plain(&self) -> bool {
+        self.between == 1
+    }
+
     /// How many cells it has.
     pub fn len(&self) -> usize {
         self.count
@@ -240,7 +269,7 @@ impl Record {
         if k >= self.count {
             return &[];
         }
-        let start = if k == 0 { 0 } else { self.ends[k - 1] };
+        let start = if k == 0 { 0 } else { self.ends[k - 1] + self.between };
         self.bytes[start..self.ends[k]].trim_ascii()
     }
 

@@ -7,6 +7,7 @@
 
 pub mod attach;
 pub mod axis;
+pub mod flat;
 pub mod leaf;
 pub mod soup;
 pub mod table;

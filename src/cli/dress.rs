@@ -1,0 +1,71 @@
+//! `mesophyll dress`: fitted leaves on a plant that another program wrote.
+
+use crate::{Common, Error, Result};
+use mesophyll_export::dress::{Leaf, dress};
+use mesophyll_files::table::counted;
+use mesophyll_files::{claim, progress};
+use std::path::PathBuf;
+
+/// Puts fitted leaves on a plant from elsewhere: named materials of a glTF file become those of fits, all else stays.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+     mesophyll dress plant.glb --leaf Leaves=fits/elm -o out/plant.glb\n  \
+     mesophyll dress plant.glb --leaf Leaves=fits/elm --leaf Buds=fits/balata --make-uv -o out/plant.glb\n\n\
+     Every mesh with the material shows the fit's front on its front and the fit's back behind: colour, light that\n\
+     shines through (KHR_materials_diffuse_transmission), gloss and normals. docs/export.md says what is lost, and\n\
+     OUT.glb.loss.json keeps it as numbers. A material without a name is called by its number, from 0.")]
+pub struct Args {
+    /// The plant (.glb or .gltf)
+    #[arg(value_name = "PLANT.glb")]
+    plant: PathBuf,
+    /// A material of the plant and the folder of the leaf fit that takes its place; may be repeated
+    #[arg(long = "leaf", value_name = "MATERIAL=FIT", required = true, value_parser = leaf)]
+    leaves: Vec<Leaf>,
+    /// Make texture coordinates along each flat piece also where the file has its own: for cards that show a part of a
+    /// picture of many leaves
+    #[arg(long)]
+    make_uv: bool,
+    /// File to write (.glb)
+    #[arg(short, long, alias = "output", value_name = "OUT.glb")]
+    out: PathBuf,
+}
+
+/// `MATERIAL=FIT`. Names of materials are free, so the last `=` divides.
+fn leaf(text: &str) -> std::result::Result<Leaf, String> {
+    match text.rsplit_once('=') {
+        Some((material, fit)) if !material.is_empty() && !fit.is_empty() => {
+            Ok(Leaf { material: material.into(), fit: fit.into() })
+        }
+        _ => Err("expected MATERIAL=FIT, a material of the plant and a fit folder".into()),
+    }
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    if args.out.is_dir() {
+        return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", args.out.display())));
+    }
+    if crate::place::is_stdout(&args.out) {
+        return Err(Error::Usage("-o -: two files are written; expected a name, not standard output".into()));
+    }
+    claim::file(&args.out, &["glb"], &[&args.plant])?;
+    let done = dress(&args.plant, &args.leaves, args.make_uv, &args.out)?;
+    if common.json {
+        let files: Vec<String> = done.exported.files.iter().map(|p| p.display().to_string()).collect();
+        crate::print_json(&serde_json::json!({
+            "written": files, "primitives": done.primitives, "triangles": done.triangles,
+            "triangles_with_made_uv": done.made, "undressed": done.undressed,
+            "loss": done.exported.lost.as_ref().map(|lost| lost.json()),
+        }))?;
+        return Ok(0);
+    }
+    progress::say(format!(
+        "{}: {} dressed in {}, {} of them with texture coordinates that were made",
+        args.out.display(),
+        counted(done.triangles, "triangle"),
+        counted(done.primitives, "primitive"),
+        done.made
+    ));
+    // What could not be dressed is among what is lost.
+    done.exported.lost.iter().flat_map(|lost| lost.lines()).for_each(progress::say);
+    Ok(0)
+}
