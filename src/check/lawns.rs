@@ -16,7 +16,7 @@ use mesophyll_optics::side::Side;
 use mesophyll_placed::leaf::Search;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::draw::truth::{Sampling, Truth};
-use mesophyll_scene::draw::{detail, handover, reference};
+use mesophyll_scene::draw::{handover, reference};
 use mesophyll_scene::loaded::Scene;
 use mesophyll_transport::compare::compare;
 use mesophyll_transport::{self as transport, ReferencePicture};
@@ -121,8 +121,7 @@ impl Lawn {
                 sides: viewer::Sides::of(side),
                 mask: None,
             };
-            let level = |l: detail::Detail| viewer::Detail { indices: l.indices, error: l.error_mm as f32 };
-            let details = detail::levels(&blade.mesh).into_iter().map(level).collect();
+            let details = handover::details(&blade.mesh);
             out.add(viewer::Mesh { details, ..handover::viewer_mesh(&blade.mesh) }, viewer::Material::Leaf(leaf))
         };
         let shapes: Vec<viewer::Instance> = lawn.plant.blades.iter().map(of_shape).collect();

@@ -114,7 +114,8 @@ struct Pair {
     moving: gpu::Renderer,
 }
 
-/// Median times (µs): of a frame at rest, of a frame in motion, and of the pose, which is a part of the latter.
+/// Median times (µs): of a frame at rest, of a frame in motion, and of the CPU's part of the pose, which is a part of
+/// the latter.
 struct Times {
     still: f64,
     moving: f64,
@@ -204,12 +205,13 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             error,
             us: seen.moving,
             note: format!(
-                "{:.3} times a frame at rest ({:.3} in the dissertation), {:.3} times without the pose, which the CPU \
-                 computes and uploads in {:.1} ms; motion adds {:.1} ms in all ({ms} ms there, on another adapter)",
+                "{:.3} times a frame at rest ({:.3} in the dissertation); the CPU's part, an amplitude for each \
+                 branch, takes {:.1} ms, and without it a frame takes {:.3} times as long; motion adds {:.1} ms in \
+                 all ({ms} ms there, on another adapter)",
                 seen.moving / seen.still,
                 still / moving,
-                (seen.moving - seen.posing) / seen.still,
                 1e-3 * seen.posing,
+                (seen.moving - seen.posing) / seen.still,
                 1e-3 * (seen.moving - seen.still)
             ),
         });

@@ -98,12 +98,27 @@ impl Fluttering {
         sum
     }
 
+    /// The angle (rad) by which a leaf turns at a place and a time (s): [`Fluttering::angle`] within its limits.
+    pub fn turn(&self, place: usize, leaf: usize, time: f64) -> f64 {
+        let angle = self.angle(place, leaf, time);
+        limited(angle.abs(), FREE, FURTHEST).copysign(angle)
+    }
+
+    /// The place where a leaf hangs and the unit vector about which it turns, in the plant's frame.
+    pub fn hang(&self, leaf: usize) -> (DVec3, DVec3) {
+        self.hangs[leaf]
+    }
+
+    /// Number of leaves.
+    pub fn leaves(&self) -> usize {
+        self.hangs.len()
+    }
+
     /// The rotation from rest of every leaf of the plant at a place and a time (s), in the plant's frame.
     pub fn turns(&self, place: usize, time: f64) -> Vec<Rigid> {
         let turn = |(leaf, (hang, axis)): (usize, &(DVec3, DVec3))| {
-            let angle = self.angle(place, leaf, time);
-            let angle = limited(angle.abs(), FREE, FURTHEST).copysign(angle);
-            Rigid { from: *hang, to: *hang, turn: DMat3::from_axis_angle(*axis, angle) }
+            let turn = DMat3::from_axis_angle(*axis, self.turn(place, leaf, time));
+            Rigid { from: *hang, to: *hang, turn }
         };
         self.hangs.iter().enumerate().map(turn).collect()
     }

@@ -52,6 +52,16 @@ impl Sections {
         Sections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
     }
 
+    /// Branch and share of its axis of every section of a place. Those of the leaves come first, in the leaves' order.
+    pub fn on(&self) -> &[(usize, f64)] {
+        &self.on
+    }
+
+    /// The transforms from plant to world.
+    pub fn places(&self) -> &[DMat4] {
+        &self.places
+    }
+
     /// Number of the first section after these.
     pub fn end(&self) -> usize {
         self.first + self.places.len() * self.on.len()

@@ -19,6 +19,8 @@ mod grass_light;
 mod grass_pass;
 mod grass_tiling;
 mod lawn;
+#[cfg(feature = "render")]
+mod parts;
 mod pivots;
 mod plan;
 mod plants;
@@ -26,6 +28,7 @@ mod reference;
 mod scene;
 mod scene_imports;
 mod translucency_scene;
+mod whole;
 
 use common::skips;
 

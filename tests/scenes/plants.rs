@@ -182,6 +182,7 @@ fn a_posed_plant_is_written_and_read_back() {
 #[cfg(feature = "render")]
 mod moving {
     use super::{BARK, scene};
+    use crate::parts::{gap, looseness};
     use crate::skips;
     use glam::{DVec3, Vec3};
     use mesophyll::flora::form::Plant;
@@ -252,6 +253,7 @@ mod moving {
         let mean = angles.iter().sum::<f64>() / angles.len() as f64;
         assert!(mean > 0.05 && angles.iter().any(|a| *a < 0.2 * mean) && angles.iter().any(|a| *a > 2.0 * mean));
         let mut world = reference::unlit(&whole, 0.0, &Ledger::new()).unwrap();
+        let (mut joints, mut loose) = (0.0f64, [0.0f64; 2]);
         for time in [2.5, 3.1, 1e6] {
             reference::move_to(&mut world, &whole, time).unwrap();
             let mut now = drawn.clone();
@@ -291,6 +293,13 @@ mod moving {
                         worst[2] = worst[2].max(have[0].as_dvec3().distance(to) / length);
                     }
                 }
+                joints = joints.max(gap(&rest, &plant, &found));
+                let boxes = renderer.moving_boxes().unwrap();
+                let n = plant.branches.len();
+                assert_eq!(boxes.len(), 2 * n);
+                let blade = &now.meshes[now.instances[place * leaves].mesh].positions;
+                let ratios = looseness(&plant, blade, &boxes[place * n..][..n]);
+                loose = [0, 1].map(|k| loose[k].max(ratios[k]));
             }
             println!(
                 "{time} s: reference {:.1e}, bark {:.1e}, leaves {:.1e} of a branch's length",
@@ -298,6 +307,13 @@ mod moving {
             );
             assert!(moved > 50.0 && worst.iter().all(|w| *w < 1e-4), "{time} s: {worst:?}, moved by {moved} mm");
         }
+        println!(
+            "gaps {joints:.1e} of the parent's radius; boxes {:.3} times as long, {:.2} as large",
+            loose[0], loose[1]
+        );
+        assert!(joints > 0.0 && joints < 1e-3, "{joints}");
+        // A box around a blade that is turned by 45° is √2 times as long as the blade, and a part is a union of these.
+        assert!(loose[0] < std::f64::consts::SQRT_2, "{loose:?}");
     }
 
     /// Without a wind the scene is the same as before: no sections, no textures, and no code for them in a shader. The

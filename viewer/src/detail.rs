@@ -5,18 +5,22 @@
 use crate::gpu::Gpu;
 use crate::passes::bend;
 use crate::scene::{Camera, Instance, Mesh};
-use crate::thin::{MANY, Seen, larger, ranks};
+use crate::thin::{MANY, Seen, enlarged, larger, ranks};
 use glam::Vec3;
 use std::ops::Range;
 
 /// Largest error of a level in a picture (pixels), and in a shadow map (texels).
 const PIXELS: f32 = 0.5;
 const TEXELS: f32 = 0.25;
+/// The same for what moves, whose shadow maps are drawn for each picture. It is as much as the maps' filter blurs.
+const TEXELS_MOVING: f32 = 1.0;
 
 /// The levels of a mesh, of which the mesh itself is the first, and the level of each instance.
 pub(crate) struct Levels {
     /// Range of indices, and largest distance of the level from the mesh (units of the mesh).
     levels: Vec<(Range<u32>, f32)>,
+    /// Number of levels that may be lit. The others are for shadow maps.
+    lit: usize,
     /// A ball around each instance at rest: centre, radius, and the instance's scale.
     spheres: Vec<(Vec3, f32, f32)>,
     rows: Vec<[[f32; 4]; 3]>,
@@ -31,8 +35,19 @@ pub(crate) struct Levels {
     sizes: Vec<f32>,
     /// The instances as the main pass draws them, if any is enlarged.
     enlarged: Option<wgpu::Buffer>,
+    /// The instances as shadow maps draw them, where fewer and larger ones do.
+    thinned: Option<Thinned>,
     /// Level and range of instances of each draw.
     runs: Vec<(usize, Range<u32>)>,
+}
+
+/// Fewer and larger instances, for shadow maps.
+pub(crate) struct Thinned {
+    /// Side of a texel for which they were chosen.
+    texel: f32,
+    pub instances: wgpu::Buffer,
+    pub rides: wgpu::Buffer,
+    pub count: u32,
 }
 
 /// The three rows of an instance's transform.
@@ -66,6 +81,7 @@ impl Levels {
             let start = levels.last().map_or(0, |l| l.0.end);
             levels.push((start..start + detail.indices.len() as u32, detail.error));
         }
+        let outlines = mesh.details.iter().filter(|d| d.outline_only && !in_full).count();
         let (mut spheres, mut kept_rows, mut rides, mut begins) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let many = instances.len() > 1;
         if levels.len() > 1 || many {
@@ -80,6 +96,7 @@ impl Levels {
         }
         let n = instances.len();
         Levels {
+            lit: levels.len() - outlines,
             levels,
             spheres,
             rows: kept_rows,
@@ -90,6 +107,7 @@ impl Levels {
             chosen: vec![0; n],
             sizes: vec![1.0; n],
             enlarged: None,
+            thinned: None,
             runs: vec![(0, 0..n as u32)],
         }
     }
@@ -113,9 +131,46 @@ impl Levels {
         (level, self.levels[level].1 * scale)
     }
 
+    /// The level for shadow maps whose texels have this side, and its largest error.
+    fn in_maps(&self, texel: f32) -> (usize, f32) {
+        self.everywhere(texel * if self.still.contains(&false) { TEXELS_MOVING } else { TEXELS })
+    }
+
     /// Range of indices for the shadow pass, for maps whose texels have this side.
     pub(crate) fn shadow(&self, texel: f32) -> Range<u32> {
-        self.levels[self.everywhere(TEXELS * texel).0].0.clone()
+        self.levels[self.in_maps(texel).0].0.clone()
+    }
+
+    /// Chooses fewer and larger instances for shadow maps whose texels have this side, where they are below a few
+    /// texels. What casts a shadow need not be seen, so the camera does not matter.
+    pub(crate) fn thin_maps(&mut self, gpu: &Gpu, texel: f32) {
+        if self.ranks.is_empty() || self.thinned.as_ref().is_some_and(|t| t.texel == texel) {
+            return;
+        }
+        let size = |(rank, sphere): (&f32, &(Vec3, f32, f32))| enlarged(2.0 * sphere.1 / texel.max(1e-30), *rank);
+        let sizes: Vec<f32> = self.ranks.iter().zip(&self.spheres).map(size).collect();
+        self.thinned = None;
+        if sizes.iter().all(|size| *size == 1.0) {
+            return;
+        }
+        let kept: Vec<usize> = (0..sizes.len()).filter(|k| sizes[*k] > 0.0).collect();
+        let rows: Vec<[[f32; 4]; 3]> = kept.iter().map(|k| larger_rows(&self.rows[*k], sizes[*k])).collect();
+        let rides: Vec<[f32; 2]> = kept.iter().map(|k| self.rides[*k]).collect();
+        let put = |label: &str, bytes: &[u8]| {
+            // No buffer is empty.
+            gpu.buffer(label, if bytes.is_empty() { &[0; 48] } else { bytes }, wgpu::BufferUsages::VERTEX)
+        };
+        self.thinned = Some(Thinned {
+            texel,
+            instances: put("instances in shadow maps", bytemuck::cast_slice(&rows)),
+            rides: put("rides in shadow maps", bytemuck::cast_slice(&rides)),
+            count: kept.len() as u32,
+        });
+    }
+
+    /// The instances for shadow maps, if these are not all.
+    pub(crate) fn thinned(&self) -> Option<&Thinned> {
+        self.thinned.as_ref()
     }
 
     /// The largest distance between the surface that is drawn and the surface in the shadow maps.
@@ -130,7 +185,7 @@ impl Levels {
             .zip(&self.sizes)
             .map(|((level, s), size)| self.levels[*level as usize].1 * s.2 * size)
             .fold(0.0, f32::max);
-        drawn + self.everywhere(TEXELS * texel).1
+        drawn + self.in_maps(texel).1
     }
 
     /// The instances as the main pass draws them, if any of them is enlarged.
@@ -160,7 +215,7 @@ impl Levels {
         let choose = |(k, ((_, _, scale), size)): (usize, (&(Vec3, f32, f32), &f32))| {
             let (centre, radius) = self.ball(k, *size);
             let most = PIXELS * seen.pixel * (seen.eye.distance(centre) - radius);
-            (0..self.levels.len()).rev().find(|k| self.levels[*k].1 * scale * size <= most).unwrap_or(0) as u8
+            (0..self.lit).rev().find(|k| self.levels[*k].1 * scale * size <= most).unwrap_or(0) as u8
         };
         let chosen: Vec<u8> = self.spheres.iter().zip(&sizes).enumerate().map(choose).collect();
         if chosen == self.chosen && sizes == self.sizes {
@@ -190,10 +245,7 @@ impl Levels {
             self.enlarged = None;
             return;
         }
-        let larger = |i: &usize| {
-            let size = self.sizes[*i];
-            self.rows[*i].map(|[x, y, z, w]| [size * x, size * y, size * z, w])
-        };
+        let larger = |i: &usize| larger_rows(&self.rows[*i], self.sizes[*i]);
         let rows: Vec<[[f32; 4]; 3]> = order.iter().map(larger).collect();
         match &self.enlarged {
             Some(buffer) => gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&rows)),
@@ -208,6 +260,11 @@ impl Levels {
     pub(crate) fn triangles(&self) -> u64 {
         self.runs().map(|(indices, instances)| indices.len() as u64 / 3 * instances.len() as u64).sum()
     }
+}
+
+/// The rows of a transform that enlarges an instance about its origin.
+fn larger_rows(rows: &[[f32; 4]; 3], size: f32) -> [[f32; 4]; 3] {
+    rows.map(|[x, y, z, w]| [size * x, size * y, size * z, w])
 }
 
 /// Writes values of the instances in another order, if there is a buffer for them.

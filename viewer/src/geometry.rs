@@ -5,8 +5,8 @@
 use crate::bend::Moved;
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
-use crate::passes::bend;
-use crate::scene::{Carried, Instance, Mesh, Scene, Section, Sections, Wind};
+use crate::passes::{bend, pose};
+use crate::scene::{Carried, Instance, Mesh, Poses, Scene, Section, Sections, Wind};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3};
@@ -161,31 +161,32 @@ pub(crate) struct Extents {
     /// How many of these cast a shadow.
     casters: usize,
     sections: Option<Sections>,
+    /// Balls that hold all poses, where the adapter poses what is carried.
+    reach: Option<Vec<(Vec3, f32)>>,
+}
+
+/// The corners of the box around points; `None` where there are none.
+pub(crate) fn corners(points: &[Vec3]) -> Option<[Vec3; 8]> {
+    let first = *points.first()?;
+    let (low, high) = points.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+    let pick = |k: usize, bit: usize, l: f32, h: f32| if k & bit == 0 { l } else { h };
+    Some(std::array::from_fn(|k| {
+        Vec3::new(pick(k, 1, low.x, high.x), pick(k, 2, low.y, high.y), pick(k, 4, low.z, high.z))
+    }))
 }
 
 impl Extents {
     pub(crate) fn new(scene: &Scene) -> Extents {
-        let corners: Vec<Option<Vec<Vec3>>> = scene
-            .meshes
-            .iter()
-            .map(|mesh| {
-                let first = *mesh.positions.first()?;
-                let (low, high) =
-                    mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
-                let pick = |k: u32, bit: u32, l: f32, h: f32| if k & bit == 0 { l } else { h };
-                Some(
-                    (0..8)
-                        .map(|k| {
-                            Vec3::new(pick(k, 1, low.x, high.x), pick(k, 2, low.y, high.y), pick(k, 4, low.z, high.z))
-                        })
-                        .collect(),
-                )
-            })
-            .collect();
+        Extents::of(scene, scene.sections.as_ref().and_then(|s| s.poses.as_deref()))
+    }
+
+    /// Where the adapter poses what is carried, the extents are those at rest, and the ball holds all poses.
+    fn of(scene: &Scene, poses: Option<&Poses>) -> Extents {
+        let boxes: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|mesh| corners(&mesh.positions)).collect();
         let points = scene.instances.iter().filter_map(|instance| {
             let by = instance.carried;
-            let own = by.is_some_and(|c| c.vertices.is_some());
-            let around = if own { &scene.meshes[instance.mesh].positions } else { corners[instance.mesh].as_ref()? };
+            let own = by.is_some_and(|c| c.vertices.is_some()) && poses.is_none();
+            let around = if own { &scene.meshes[instance.mesh].positions } else { &boxes[instance.mesh]?[..] };
             let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
             Some(((by, points), instance.floor))
         });
@@ -201,7 +202,18 @@ impl Extents {
         let (floors, mut points): (Vec<_>, Vec<_>) = points.chain(lawns).partition(|(_, floor)| *floor);
         let casters = points.len();
         points.extend(floors);
-        Extents { points: points.into_iter().map(|(one, _)| one).collect(), casters, sections: scene.sections.clone() }
+        Extents {
+            points: points.into_iter().map(|(one, _)| one).collect(),
+            casters,
+            sections: scene.sections.clone(),
+            reach: poses.map(|poses| pose::reach(scene, poses)),
+        }
+    }
+
+    /// The points of what casts shadows and is not carried.
+    pub(crate) fn still(&self) -> Vec<Vec3> {
+        let still = self.points[..self.casters].iter().filter(|(by, _)| by.is_none());
+        still.flat_map(|(_, points)| points).copied().collect()
     }
 
     pub(crate) fn sections(&self) -> Option<&Sections> {
@@ -210,7 +222,7 @@ impl Extents {
 
     /// The scene's extents at a time of its wind.
     pub(crate) fn at(&self, wind: Option<&Wind>) -> ExtentsNow {
-        let sections = self.sections.as_ref();
+        let sections = self.sections.as_ref().filter(|_| self.reach.is_none());
         let moved = Moved::new(sections, sections.map_or_else(Vec::new, |s| s.now(wind)));
         let mut points = Vec::with_capacity(self.points.iter().map(|(_, points)| points.len()).sum());
         let mut casting = 0;
@@ -220,7 +232,13 @@ impl Extents {
                 casting = points.len();
             }
         }
-        let ball = ball(&points);
+        let reach = self.reach.iter().flatten();
+        let ends = reach.flat_map(|(centre, radius)| [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| (*centre, *radius * axis)));
+        let far: Vec<Vec3> = ends.flat_map(|(centre, arm)| [centre - arm, centre + arm]).collect();
+        let ball = match far.is_empty() {
+            true => ball(&points),
+            false => ball(&points.iter().chain(&far).copied().collect::<Vec<Vec3>>()),
+        };
         points.truncate(casting);
         ExtentsNow { ball, casters: points, sections: moved.into_sections() }
     }
@@ -228,7 +246,7 @@ impl Extents {
 
 /// The extents of a scene at one time.
 pub(crate) struct ExtentsNow {
-    /// The motions of all sections.
+    /// The motions of all sections; none where the adapter computes them.
     pub sections: Vec<Section>,
     /// The points that shadow maps must cover: everything that casts a shadow.
     pub casters: Vec<Vec3>,
@@ -238,7 +256,7 @@ pub(crate) struct ExtentsNow {
 
 /// Centre and radius of a ball around everything that a scene shows, as bent at its time.
 pub fn ball_around(scene: &Scene) -> (Vec3, f32) {
-    Extents::new(scene).at(scene.wind.as_ref()).ball
+    Extents::of(scene, None).at(scene.wind.as_ref()).ball
 }
 
 /// Centre and radius of a ball around points; a unit ball where there are none.

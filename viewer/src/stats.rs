@@ -20,6 +20,8 @@ pub struct Stats {
     pub draws: u64,
     /// Triangles of leaves and wood in the last picture. Every instance counts.
     pub triangles: u64,
+    /// Triangles in each shadow map that was drawn last. Every instance counts.
+    pub shadow_triangles: u64,
     /// How often the shadow maps were drawn since the renderer was made: once for each sun and geometry.
     pub shadow_renders: u64,
     /// How often the transfer's light was computed since the renderer was made: once for each light.

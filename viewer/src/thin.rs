@@ -1,6 +1,7 @@
 //! Chooses which of many leaves and plants a picture needs. Nothing outside the view is drawn. Of leaves smaller than a
 //! few pixels, fewer but larger ones are drawn, so that they cover the same area (Cook, Halstead, Planck & Ryu 2007,
-//! "Stochastic simplification of aggregate detail"). The CPU chooses for each picture and each instance.
+//! "Stochastic simplification of aggregate detail"); so it is in shadow maps with leaves smaller than a few texels. The
+//! CPU chooses for each picture and each instance.
 
 use crate::scene::Camera;
 use glam::Vec3;
@@ -46,16 +47,24 @@ impl Seen {
 
     /// The factor by which a leaf with this rank and ball is drawn larger; 0 where it is left out.
     pub(crate) fn enlarged(&self, rank: f32, centre: Vec3, radius: f32) -> f32 {
-        let wide = 2.0 * radius / (self.pixel * self.eye.distance(centre)).max(1e-30);
-        let kept = (wide / WIDE).powi(2);
-        if kept >= 1.0 || self.frustum.is_none() {
+        if self.frustum.is_none() {
             return 1.0;
         }
-        let fade = (FADE * kept).min(1.0 - kept);
-        let own = ((kept - rank) / fade.max(1e-6)).clamp(0.0, 1.0);
-        // The leaves that fade have lost half of their area.
-        (own / (kept - 0.5 * fade)).sqrt()
+        enlarged(2.0 * radius / (self.pixel * self.eye.distance(centre)).max(1e-30), rank)
     }
+}
+
+/// The factor by which a leaf with this rank is drawn larger if its ball is `wide` pixels or texels across; 0 where it
+/// is left out.
+pub(crate) fn enlarged(wide: f32, rank: f32) -> f32 {
+    let kept = (wide / WIDE).powi(2);
+    if kept >= 1.0 {
+        return 1.0;
+    }
+    let fade = (FADE * kept).min(1.0 - kept);
+    let own = ((kept - rank) / fade.max(1e-6)).clamp(0.0, 1.0);
+    // The leaves that fade have lost half of their area.
+    (own / (kept - 0.5 * fade)).sqrt()
 }
 
 /// The ball (centre and radius) of an instance that is enlarged `size` times about its origin.

@@ -102,16 +102,18 @@ impl Rigid {
 /// A branch as far as bending needs it, in the plant's frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limb {
-    parent: Option<(usize, f64)>,
+    /// The branch that it grows on, and where on its axis (0 root, 1 tip).
+    pub parent: Option<(usize, f64)>,
     /// The place where it begins.
-    root: DVec3,
+    pub root: DVec3,
     /// Orthonormal vectors: t from root to tip, r and s across it.
     pub axes: [DVec3; 3],
     /// Length along the axis (mm). A branch of length 0 does not bend.
     pub length: f64,
-    shape: Shape<f64>,
+    /// How the straight beam bends that the branch bends as.
+    pub shape: Shape<f64>,
     /// The beginning of each piece of the axis: the share of the length, the place, and the piece's unit direction.
-    pieces: Vec<(f64, DVec3, DVec3)>,
+    pub pieces: Vec<(f64, DVec3, DVec3)>,
     /// The tip's deflection over the length for an amplitude of 1, for small bends.
     pub tip: f64,
 }
@@ -150,6 +152,24 @@ impl Limb {
     /// Poses limit it ([`FREELY`]).
     pub fn beam_tip(&self) -> f64 {
         self.shape.tip()
+    }
+
+    /// The piece of the axis at the share `x`, and the place there at rest; `None` for a branch without length.
+    pub fn rest(&self, x: f64) -> Option<(usize, DVec3)> {
+        let piece = self.pieces.partition_point(|p| p.0 <= x).saturating_sub(1);
+        let (begin, place, way) = *self.pieces.get(piece)?;
+        Some((piece, place + way * ((x - begin) * self.length)))
+    }
+
+    /// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends.
+    pub fn held(&self, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
+        let wanted = x.hypot(y);
+        let whole = self.shape.tip();
+        let bends = wanted > 0.0 && wanted.is_finite() && self.length > 0.0;
+        if !bends {
+            return ([1.0, 0.0], 0.0);
+        }
+        ([x / wanted, y / wanted], limited(wanted * whole, FREELY, FURTHEST) / whole)
     }
 
     /// The growth of the beam's deflection along piece `k`, for an amplitude of 1.
@@ -220,14 +240,10 @@ impl Swung {
     /// A branch that is bent by this amplitude, on a base that does not move.
     fn new(limb: &Limb, amplitude: [f64; 2], lengths: Lengths) -> Swung {
         let [t, r, s] = limb.axes;
-        let [x, y] = amplitude;
-        let wanted = x.hypot(y);
-        let whole = limb.shape.tip();
-        let bends = wanted > 0.0 && wanted.is_finite() && limb.length > 0.0;
-        let size = if bends { limited(wanted * whole, FREELY, FURTHEST) / whole } else { 0.0 };
-        let e = if bends { (x * r + y * s) / wanted } else { r };
+        let ([x, y], size) = limb.held(amplitude);
+        let e = x * r + y * s;
         let mut swung = Swung { base: Rigid::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
-        if bends {
+        if size > 0.0 {
             swung.marks.reserve(limb.pieces.len());
             let mut place = limb.pieces.first().map_or(limb.root, |p| p.1);
             for (n, piece) in limb.pieces.iter().enumerate() {
@@ -280,17 +296,12 @@ impl Pose<'_> {
             return swung.base;
         }
         let x = at.clamp(0.0, 1.0);
-        let piece = limb.pieces.partition_point(|p| p.0 <= x).saturating_sub(1);
+        let Some((piece, from)) = limb.rest(x) else { return swung.base };
         let bent = swung.bent(limb, x);
-        let (begin, place, way) = limb.pieces[piece];
         let (t, e) = (limb.axes[0], swung.e);
         let rest = DMat3::from_cols(t, e, swung.b);
         let after = DMat3::from_cols(bent.cos * t + bent.sin * e, bent.cos * e - bent.sin * t, swung.b);
-        let own = Rigid {
-            from: place + way * ((x - begin) * limb.length),
-            to: swung.end(limb, piece, x, &bent),
-            turn: after * rest.transpose(),
-        };
+        let own = Rigid { from, to: swung.end(limb, piece, x, &bent), turn: after * rest.transpose() };
         swung.base.after(&own)
     }
 
@@ -302,9 +313,7 @@ impl Pose<'_> {
     /// The place of the axis of branch `k` at `at`.
     pub fn point(&self, k: usize, at: f64) -> DVec3 {
         let Some(limb) = self.limbs.0.get(k) else { return DVec3::ZERO };
-        let piece = limb.pieces.partition_point(|p| p.0 <= at).saturating_sub(1);
-        let rest = limb.pieces.get(piece).map_or(limb.root, |p| p.1 + p.2 * ((at - p.0) * limb.length));
-        self.at(k, at).place(rest)
+        self.at(k, at).place(limb.rest(at).map_or(limb.root, |(_, rest)| rest))
     }
 
     /// The shares at which a posed axis has points: those of the axis at rest, those of `wanted`, and as many more as

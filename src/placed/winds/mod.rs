@@ -17,7 +17,7 @@ use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::form::Branch;
 use mesophyll_flora::pose::{FREELY, Lengths, Limb, Limbs, Pose, Rigid};
 use mesophyll_manifest::{Flutter, Manifest};
-use mesophyll_plant::motion::Motion;
+use mesophyll_plant::motion::{Motion, Trajectory};
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Sway, Wind};
 use rayon::prelude::*;
@@ -55,6 +55,26 @@ pub struct Swaying {
     towards: Vec<[DVec3; 2]>,
     seed: u64,
 }
+
+/// What bends a branch at one place.
+struct Swing {
+    /// The amplitude by its stated load.
+    weight: [f64; 2],
+    gusts: Option<Gusty>,
+}
+
+/// The wind's part of it.
+struct Gusty {
+    /// The amplitude in a wind without gusts.
+    steady: [f64; 2],
+    /// The motion texture, the line through it, and the amplitude for 1 in it.
+    texture: usize,
+    gain: f64,
+    line: Trajectory,
+}
+
+/// The number of branches whose amplitudes are worth a thread of their own.
+const SWINGS: usize = 256;
 
 /// The largest number of motion textures (8 MB each) of branches and leaves. More are more likely an error of a file
 /// than a real plant.
@@ -180,16 +200,51 @@ impl Winds {
         Some(swaying.limbs.pose(|branch| swaying.weight(place, branch)))
     }
 
-    /// Amplitude of a branch towards r and s of its limb, at a place and a time (s).
-    fn amplitude(&self, plant: &Swaying, place: usize, branch: usize, time: f64) -> [f64; 2] {
+    /// What bends a branch at a place.
+    fn swing(&self, plant: &Swaying, place: usize, branch: usize) -> Swing {
         let weight = plant.weight(place, branch);
-        let Some(answer) = &plant.answers[branch] else { return weight };
+        let Some(answer) = &plant.answers[branch] else { return Swing { weight, gusts: None } };
         let (limb, motion) = (&plant.limbs.0[branch], &self.motions[answer.texture]);
         let [_, r, s] = limb.axes;
         let still = answer.sway.steady(plant.towards[place][0].to_array(), r.to_array(), s.to_array());
         let seed = plant.seed.wrapping_add(((place as u64) << 20) + 1 + branch as u64);
-        let gust = motion.sample(motion.trajectory(seed, answer.faster).at(time));
-        [0, 1].map(|c| weight[c] + (still[c] / limb.tip + answer.gain * gust[c]))
+        let line = motion.trajectory(seed, answer.faster);
+        let steady = still.map(|c| c / limb.tip);
+        Swing { weight, gusts: Some(Gusty { steady, texture: answer.texture, gain: answer.gain, line }) }
+    }
+
+    /// Amplitude of a branch towards r and s of its limb at a time (s).
+    fn amplitude(&self, swing: &Swing, time: f64) -> [f64; 2] {
+        let Some(Gusty { steady, texture, gain, line }) = &swing.gusts else { return swing.weight };
+        let gust = self.motions[*texture].sample(line.at(time));
+        [0, 1].map(|c| swing.weight[c] + (steady[c] + gain * gust[c]))
+    }
+
+    /// The amplitude of every branch of every plant at every place, as poses hold it ([`Limb::held`]): times the unit
+    /// vector towards r and s. The branches of a plant follow each other, place after place. What does not change with
+    /// time is worked out once.
+    pub fn amplitudes(self: &Arc<Winds>) -> impl Fn(f64) -> Vec<[f32; 2]> + Send + Sync + use<> {
+        let winds = self.clone();
+        let swings: Vec<(usize, usize, Swing)> = self
+            .places()
+            .flat_map(|(plant, swaying, place)| {
+                (0..swaying.limbs.0.len()).map(move |k| (plant, k, self.swing(swaying, place, k)))
+            })
+            .collect();
+        move |time| {
+            let one = |(plant, k, swing): &(usize, usize, Swing)| {
+                let limb = winds.plants[*plant].as_ref().map(|p| &p.limbs.0[*k]);
+                let (way, size) = limb.map_or(([0.0; 2], 0.0), |limb| limb.held(winds.amplitude(swing, time)));
+                way.map(|c| (c * size) as f32)
+            };
+            swings.par_iter().with_min_len(SWINGS).map(one).collect()
+        }
+    }
+
+    /// Every plant that moves at each of its places: its index, the plant, and the index of the place.
+    pub fn places(&self) -> impl Iterator<Item = (usize, &Swaying, usize)> {
+        let plants = self.plants.iter().enumerate().filter_map(|(k, plant)| Some((k, plant.as_ref()?)));
+        plants.flat_map(|(k, plant)| (0..plant.towards.len()).map(move |place| (k, plant, place)))
     }
 
     /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where nothing moves it.
@@ -199,7 +254,8 @@ impl Winds {
 
     fn pose_with(&self, lengths: Lengths, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
-        let pose = swaying.limbs.pose_with(lengths, |branch| self.amplitude(swaying, place, branch, time));
+        let amplitude = |branch| self.amplitude(&self.swing(swaying, place, branch), time);
+        let pose = swaying.limbs.pose_with(lengths, amplitude);
         Some(match &swaying.flutter {
             Some(flutter) => pose.with_leaves(flutter.turns(place, time)),
             None => pose,
@@ -297,14 +353,11 @@ impl Winds {
         if let Some(found) = self.last.lock().ok().and_then(|last| known(&last)) {
             return found;
         }
-        let of_place = |(plant, place): (usize, usize)| {
-            let (swaying, pose) = (self.plants[plant].as_ref(), self.pose_with(lengths, plant, place, time));
-            swaying.zip(pose).map_or_else(Vec::new, |(s, pose)| s.sections.at(place, &pose))
+        let of_place = |(plant, swaying, place): (usize, &Swaying, usize)| {
+            let pose = self.pose_with(lengths, plant, place, time);
+            pose.map_or_else(Vec::new, |pose| swaying.sections.at(place, &pose))
         };
-        let places = |(k, s): (usize, &Option<Swaying>)| {
-            (0..s.as_ref().map_or(0, |s| s.towards.len())).map(move |place| (k, place)).collect::<Vec<_>>()
-        };
-        let all: Vec<(usize, usize)> = self.plants.iter().enumerate().flat_map(places).collect();
+        let all: Vec<(usize, &Swaying, usize)> = self.places().collect();
         let parts: Vec<Vec<Rigid>> = all.into_par_iter().map(of_place).collect();
         let made = Arc::new(parts.concat());
         if let Ok(mut last) = self.last.lock() {

@@ -46,7 +46,7 @@ fn branches_have_the_spectra_of_their_own_resonance() {
         };
         let readings: Vec<[f64; 2]> = (0..128 * segment)
             .map(|n| {
-                let a = winds.amplitude(plant, 0, k, 50.0 + n as f64 * dt);
+                let a = winds.amplitude(&winds.swing(plant, 0, k), 50.0 + n as f64 * dt);
                 [0, 1].map(|c| a[c] * tip - still[c])
             })
             .collect();

@@ -16,11 +16,15 @@ pub struct Detail {
     pub indices: Vec<u32>,
     /// Largest distance of a vertex that is left out from the level's surface.
     pub error_mm: f64,
+    /// Whether normals may turn by more than light allows, so that it is for shadow maps alone.
+    pub outline_only: bool,
 }
 
 /// For each level, the finest first, the largest distance over the blade's diameter and the largest angle between
-/// normals that are left out. Angles stay small, because mapped normals turn with the mesh's normals.
-const LEVELS: [(f64, f64); 4] = [(0.001, 2.0), (0.003, 4.0), (0.01, 8.0), (0.03, 12.0)];
+/// normals that are left out. Angles stay small, because mapped normals turn with the mesh's normals. The last level is
+/// for shadow maps, where only the outline and the distance count.
+const LEVELS: [(f64, f64); 5] = [(0.001, 2.0), (0.003, 4.0), (0.01, 8.0), (0.03, 12.0), (0.03, ANY_ANGLE)];
+const ANY_ANGLE: f64 = 180.0;
 /// A level is dropped if it has more than this share of the triangles of the one before.
 const WORTH: f64 = 0.7;
 
@@ -48,6 +52,7 @@ pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
     let mut before = mesh.triangles();
     for (distance, degrees) in LEVELS {
         let Some(level) = level(mesh, &rings, 2.0 * radius * distance, degrees.to_radians()) else { continue };
+        let level = Detail { outline_only: degrees == ANY_ANGLE, ..level };
         if level.indices.len() / 3 < (WORTH * before as f64) as usize {
             before = level.indices.len() / 3;
             out.push(level);
@@ -155,7 +160,7 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
             indices.extend([a, b, c]);
         }
     }
-    (!indices.is_empty()).then_some(Detail { indices, error_mm })
+    (!indices.is_empty()).then_some(Detail { indices, error_mm, outline_only: false })
 }
 
 /// Keeps `from`, and the vertices between it and `to` on the ring where the chord is more than `distance` away from the

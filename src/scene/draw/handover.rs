@@ -58,10 +58,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         let (Some(mesh), Some(viewer::Instance { mesh: at, .. })) = (&leaf.mesh, index[leaf.index]) else { continue };
         let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
         if drawn > MANY_TRIANGLES {
-            let levels = ledger
-                .note("make", format!("{}: levels of detail", out.materials[at].name()), 0, || detail::levels(mesh));
-            out.meshes[at].details =
-                levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
+            let what = format!("{}: levels of detail", out.materials[at].name());
+            out.meshes[at].details = ledger.note("make", what, 0, || details(mesh));
         }
     }
     let mut barks = Barks::default();
@@ -110,6 +108,16 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
 pub fn shown(of: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let bloom = of.manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
     Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
+}
+
+/// The levels of detail of a blade.
+pub fn details(mesh: &LeafMesh) -> Vec<viewer::Detail> {
+    let detail = |level: detail::Detail| viewer::Detail {
+        indices: level.indices,
+        error: level.error_mm as f32,
+        outline_only: level.outline_only,
+    };
+    detail::levels(mesh).into_iter().map(detail).collect()
 }
 
 /// Whether the ground lies below everything else in the scene.

@@ -9,6 +9,8 @@ pub mod grass;
 pub mod handover;
 #[cfg(feature = "render")]
 pub mod leaf_maps;
+#[cfg(feature = "render")]
+pub mod poses;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod scanned;

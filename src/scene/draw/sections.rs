@@ -1,5 +1,6 @@
 //! Hands plants that move to the GPU renderer: the sections that carry leaves and bark, for each time.
 
+use super::poses::poses;
 use glam::DQuat;
 use mesophyll_flora::pose::{Lengths, Rigid};
 use mesophyll_placed::Placed;
@@ -27,11 +28,13 @@ impl Barks {
     }
 }
 
-/// Hands over the plants that move: poses in double precision, and a table of sections for each time. In `simplified`
+/// Hands over the plants that move: what the adapter needs to pose them for pictures, and a table of sections for each
+/// time, computed in double precision, for everything else. In `simplified`
 /// motion (H9 §4.8), lengths of branches are corrected in closed form, and normals do not turn.
 pub fn plants(placed: &Placed, simplified: bool, barks: Barks, out: &mut viewer::Scene) {
     let Some(winds) = placed.winds.clone() else { return };
     let lengths = if simplified { Lengths::ClosedForm } else { Lengths::Kept };
+    let poses = Some(Arc::new(poses(&winds, lengths)));
     let section = |r: &Rigid| viewer::Section {
         from: r.from.as_vec3(),
         to: r.to.as_vec3(),
@@ -41,6 +44,7 @@ pub fn plants(placed: &Placed, simplified: bool, barks: Barks, out: &mut viewer:
         count: winds.section_count(),
         of_vertices: Arc::new(barks.of_vertices),
         turn_normals: !simplified,
+        poses,
         at: Arc::new(move |time| winds.sections_with(lengths, time).iter().map(section).collect()),
     });
 }

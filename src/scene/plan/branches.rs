@@ -48,7 +48,8 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
     } else {
         plan.leave_out(LeftOut::new("motion texture", unswayed(manifest), texture, None));
     }
-    let why = "plants move: posed in double precision for each picture's time, carried by sections in the vertex stage";
+    let why = "plants move: the adapter poses their branches for each picture's time, and sections carry the rest in \
+        the vertex stage";
     let mut need = Need::new("plants in the wind", why);
     need.amount = Some(format!("{} sections", winds.section_count()));
     need.bytes = Some(48 * winds.section_count() as u64);

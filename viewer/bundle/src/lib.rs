@@ -93,6 +93,7 @@ impl Still {
             count: at.len(),
             of_vertices: self.of_vertices.clone(),
             turn_normals: self.turn_normals,
+            poses: None,
             at: Arc::new(move |_| at.clone()),
         }
     }

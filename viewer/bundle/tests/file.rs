@@ -50,7 +50,7 @@ fn bundle() -> Bundle {
         vec![Section { from: Vec3::ZERO, to, turn: Quat::from_rotation_z(0.3) }]
     };
     let of_vertices = Arc::new(vec![0, 0, 0]);
-    scene.sections = Some(Sections { count: 1, of_vertices, turn_normals: true, at: Arc::new(at) });
+    scene.sections = Some(Sections { count: 1, of_vertices, turn_normals: true, poses: None, at: Arc::new(at) });
     let camera = Camera { eye: Vec3::new(0.0, -5.0, 5.0), target: Vec3::ZERO, up: Vec3::Z, fov_y_deg: 30.0 };
     Bundle {
         title: "σ and ρ".into(),

@@ -3,7 +3,8 @@
 
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Instance, Scene, Section};
+use crate::passes::pose::PosePass;
+use crate::scene::{Instance, Scene, Section, Sections};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
@@ -22,6 +23,8 @@ pub(crate) struct BendPass {
     layout: wgpu::BindGroupLayout,
     /// The sections at the present times.
     sections: wgpu::Texture,
+    /// Computes them on the adapter, for scenes that say how.
+    pub pose: Option<PosePass>,
 }
 
 /// Adds the names and constants of a shader that moves vertices if `bend` says so. `sections` is the number of sections
@@ -78,14 +81,32 @@ impl BendPass {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, times: &[Vec<Section>], stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
         stats.upload("sections", (times.len() * sections.count * 48) as u64);
+        let pass = BendPass::of(gpu, sections, times.len(), wgpu::TextureUsages::empty(), stats);
+        pass.set_times(gpu, times);
+        Some(pass)
+    }
+
+    /// Poses everything on the adapter if the scene says how, or on the CPU as `now`.
+    pub(crate) fn posed(gpu: &Gpu, scene: &Scene, now: Vec<Section>, stats: &mut Stats) -> Option<BendPass> {
+        let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
+        let Some(poses) = &sections.poses else { return BendPass::new(gpu, scene, &[now], stats) };
+        let mut pass = BendPass::of(gpu, sections, 1, wgpu::TextureUsages::STORAGE_BINDING, stats);
+        let pose = PosePass::new(gpu, scene, poses, &pass.sections.create_view(&Default::default()), stats);
+        pose.set_time(gpu, scene.wind.as_ref().map_or(0.0, |w| w.time_s));
+        pass.pose = Some(pose);
+        Some(pass)
+    }
+
+    fn of(gpu: &Gpu, sections: &Sections, times: usize, usage: wgpu::TextureUsages, stats: &mut Stats) -> BendPass {
         stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
-        let rows_of_all = times.len() * section_rows(sections.count);
+        let rows_of_all = times * section_rows(sections.count);
         let float = wgpu::TextureFormat::Rgba32Float;
-        let motions = texture(gpu, "sections", float, 3 * SECTIONS_WIDE, rows_of_all);
-        fill(gpu, &motions, bytemuck::cast_slice(&texels(times)));
+        let none = wgpu::TextureUsages::empty();
+        let motions = texture(gpu, "sections", float, [3 * SECTIONS_WIDE, rows_of_all as u32], usage);
         let own = rows(&sections.of_vertices, VERTICES_WIDE as usize, 0);
         let height = own.len() / VERTICES_WIDE as usize;
-        let of_vertices = texture(gpu, "sections of vertices", wgpu::TextureFormat::R32Uint, VERTICES_WIDE, height);
+        let of_vertices =
+            texture(gpu, "sections of vertices", wgpu::TextureFormat::R32Uint, [VERTICES_WIDE, height as u32], none);
         fill(gpu, &of_vertices, bytemuck::cast_slice(&own));
         let views = [&motions, &of_vertices].map(|t| t.create_view(&Default::default()));
         let entry = |binding: usize| wgpu::BindGroupEntry {
@@ -98,7 +119,7 @@ impl BendPass {
             layout: &layout,
             entries: &[entry(0), entry(1)],
         });
-        Some(BendPass { sections: motions, group, layout })
+        BendPass { sections: motions, group, layout, pose: None }
     }
 
     /// Moves every section to other times, as many as the pass was made with.
@@ -179,15 +200,21 @@ impl BendPass {
     }
 }
 
-fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, height: usize) -> wgpu::Texture {
+fn texture(
+    gpu: &Gpu,
+    label: &str,
+    format: wgpu::TextureFormat,
+    [width, height]: [u32; 2],
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
-        size: wgpu::Extent3d { width, height: height.max(1) as u32, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width, height: height.max(1), depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        usage: usage | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     })
 }

@@ -2,16 +2,18 @@
 //! sky (only with a dome), backdrop (only with an environment map behind the scene), transfer (only where the scene has
 //! one, and only when its light changes), main, grass (drawn within main, only in scenes with grass), bloom (only in
 //! scenes that have it), tonemap, and motion (only when a caller asks for motion vectors). `bend` is shared by shadow,
-//! main and motion where branches bend.
+//! main and motion where branches bend; `pose` bends them on the adapter, and `fit` fits shadow maps to what moves.
 
 pub(crate) mod backdrop;
 pub(crate) mod bend;
 pub(crate) mod bloom;
+pub(crate) mod fit;
 pub(crate) mod fullscreen;
 pub(crate) mod gathered;
 pub(crate) mod grass;
 pub(crate) mod main;
 pub(crate) mod motion;
+pub(crate) mod pose;
 pub(crate) mod shadow;
 pub(crate) mod sky;
 pub(crate) mod tonemap;

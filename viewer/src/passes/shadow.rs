@@ -7,6 +7,7 @@ use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::bend::{self, BendPass};
+use crate::passes::fit::FitPass;
 use crate::passes::main::Drawn;
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
@@ -20,7 +21,7 @@ pub(crate) const OUTLINE: &str = include_str!("outline.wgsl");
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Distance of uniforms with a dynamic offset, which suits every adapter.
-const STRIDE: usize = 256;
+pub(crate) const STRIDE: usize = 256;
 
 pub(crate) struct ShadowPass {
     layers: Vec<wgpu::TextureView>,
@@ -38,6 +39,8 @@ pub(crate) struct ShadowPass {
     mask_groups: Vec<Option<wgpu::BindGroup>>,
     resolution: u32,
     drawn: bool,
+    /// Fits the maps to what the adapter moves.
+    fit: Option<FitPass>,
 }
 
 /// Directions to the sun's disk: the centre alone, or `n` points that each represent the same share of it.
@@ -182,6 +185,7 @@ impl ShadowPass {
             mask_groups: Vec::new(),
             resolution,
             drawn: false,
+            fit: None,
         };
         pass.bind_masks(gpu, drawn, samplers);
         (pass, texel)
@@ -198,8 +202,23 @@ impl ShadowPass {
         let (matrices, texel) = light_matrices(sun, corners, self.layers.len() as u32, self.resolution);
         gpu.queue.write_buffer(&self.light_buffer, 0, &spaced(&matrices));
         gpu.queue.write_buffer(&self.matrices, 0, bytemuck::cast_slice(&matrices));
+        if let Some(fit) = &self.fit {
+            fit.set_sun(gpu, &disk_directions(sun, self.layers.len() as u32));
+        }
         self.drawn = false;
         texel
+    }
+
+    /// Lets the maps follow the boxes of `parts`, which move on the adapter, and points that stand `still`.
+    pub(crate) fn follow(&mut self, gpu: &Gpu, parts: &wgpu::Buffer, sun: &Sun, still: Vec<Vec3>, stats: &mut Stats) {
+        stats.pipeline("shadow: fit");
+        let directions = disk_directions(sun, self.layers.len() as u32);
+        self.fit = Some(FitPass::new(gpu, parts, &directions, still, self.resolution));
+    }
+
+    /// Whether the maps are valid as they are.
+    pub(crate) fn is_drawn(&self) -> bool {
+        self.drawn
     }
 
     /// Marks the maps as not drawn, so that drawing them can be timed.
@@ -207,20 +226,28 @@ impl ShadowPass {
         self.drawn = false;
     }
 
-    /// Draws the maps, whose texels have the side `texel` (mm), unless they are still valid. `times` records a
-    /// timestamp before and after the layers.
+    /// Draws the maps, whose texels have about the side `texel` (mm), unless they are still valid. `times` records a
+    /// timestamp before and after the layers. Maps that follow what moves write the true side into `frame`.
     pub(crate) fn draw(
         &mut self,
         texel: f32,
         encoder: &mut wgpu::CommandEncoder,
         drawn: Drawn<'_>,
         bend: Option<&BendPass>,
+        frame: &wgpu::Buffer,
         times: Option<(&wgpu::QuerySet, u32)>,
         stats: &mut Stats,
     ) -> bool {
+        if let Some(fit) = &self.fit {
+            if !self.drawn {
+                fit.record(encoder, bend.and_then(|b| b.pose.as_ref()), &self.light_buffer, &self.matrices);
+            }
+            fit.texel(encoder, frame);
+        }
         if self.drawn {
             return false;
         }
+        stats.shadow_triangles = 0;
         for (i, layer) in self.layers.iter().enumerate() {
             let timestamp_writes = times.map(|(query_set, base)| wgpu::RenderPassTimestampWrites {
                 query_set,
@@ -257,17 +284,21 @@ impl ShadowPass {
                     pass.set_bind_group(1, group, &[]);
                 }
                 let uvs = mesh.uvs.as_ref().filter(|_| mask.is_some());
-                let buffers = [
-                    Some(&mesh.positions),
-                    uvs,
-                    Some(&batch.instances),
-                    batch.rides.as_ref().filter(|_| batch.variant.bend),
-                ];
+                let (instances, rides, count) = match batch.levels.thinned() {
+                    Some(few) => (&few.instances, Some(&few.rides), few.count),
+                    None => (&batch.instances, batch.rides.as_ref(), batch.count),
+                };
+                let rides = rides.filter(|_| batch.variant.bend);
+                let buffers = [Some(&mesh.positions), uvs, Some(instances), rides];
                 for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));
                 }
                 pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
-                pass.draw_indexed(batch.levels.shadow(texel), 0, 0..batch.count);
+                let indices = batch.levels.shadow(texel);
+                if i == 0 {
+                    stats.shadow_triangles += indices.len() as u64 / 3 * u64::from(count);
+                }
+                pass.draw_indexed(indices, 0, 0..count);
                 stats.draws += 1;
             }
         }

@@ -61,6 +61,13 @@ impl Renderer {
             grass.time = wind.time_s;
         }
         let Some(bend) = &loaded.bend else { return };
+        if let Some(pose) = &bend.pose {
+            pose.set_time(&self.gpu, wind.time_s);
+            if let Some(shadow) = &mut loaded.shadow {
+                shadow.forget();
+            }
+            return;
+        }
         let now = loaded.extents.at(Some(wind));
         bend.set_times(&self.gpu, &[now.sections]);
         (loaded.casters, loaded.ball) = (now.casters, now.ball);

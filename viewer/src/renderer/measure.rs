@@ -70,6 +70,16 @@ impl Renderer {
         bend.probe(&self.gpu, instance, &vertices)
     }
 
+    /// The box around everything that each branch of the scene's plants carries, as the adapter has posed it and fits
+    /// shadow maps to it; `None` for a branch that carries nothing. There are none where the CPU poses the scene.
+    ///
+    /// # Errors
+    /// `Readback`.
+    pub fn moving_boxes(&self) -> Result<Vec<Option<[Vec3; 2]>>> {
+        let pose = self.loaded.as_ref().and_then(|l| l.bend.as_ref()?.pose.as_ref());
+        pose.map_or_else(|| Ok(Vec::new()), |pose| pose.boxes(&self.gpu))
+    }
+
     /// Number of operations in the fragment shader of material `index` of `scene` (see `operations`), a figure for
     /// comparing shaders. `None` for a material without an instance.
     pub fn operations(&self, scene: &Scene, index: usize) -> Option<usize> {

@@ -146,11 +146,15 @@ impl Renderer {
         let extents = Extents::new(scene);
         let now = extents.at(scene.wind.as_ref());
         let casters = now.casters;
-        let bend = BendPass::new(&self.gpu, scene, &[now.sections], &mut stats);
+        let bend = BendPass::posed(&self.gpu, scene, now.sections, &mut stats);
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
-            let (pass, texel) = ShadowPass::new(&self.gpu, scene, &sun, &casters, drawn, &self.samplers, &mut stats);
+            let (mut pass, texel) =
+                ShadowPass::new(&self.gpu, scene, &sun, &casters, drawn, &self.samplers, &mut stats);
+            if let Some(pose) = bend.as_ref().and_then(|b| b.pose.as_ref()) {
+                pass.follow(&self.gpu, &pose.parts, &sun, extents.still(), &mut stats);
+            }
             (shadow, shadow_texel) = (Some(pass), texel);
         }
         for batch in &batches {
@@ -235,6 +239,9 @@ impl Renderer {
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
             batch.levels.arrange(&self.gpu, &seen, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
+            if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
+                batch.levels.thin_maps(&self.gpu, loaded.shadow_texel);
+            }
             apart = apart.max(batch.levels.apart(loaded.shadow_texel));
         }
         self.stats.triangles = loaded.batches.iter().map(|b| b.levels.triangles()).sum();
@@ -272,6 +279,7 @@ impl Renderer {
                 encoder,
                 drawn,
                 loaded.bend.as_ref(),
+                &loaded.main.frame,
                 clock.map(|c| (&c.queries, 0)),
                 &mut self.stats,
             );

@@ -68,7 +68,7 @@ pub use light::{Anchors, Backdrop, Dome, Scanner, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
-pub use motion::{Carried, Section, Sections, Wind};
+pub use motion::{Carried, Limb, Piece, Poses, Seat, Section, Sections, Wind};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -203,6 +203,9 @@ pub struct Detail {
     pub indices: Vec<u32>,
     /// Its largest distance from the mesh, in the mesh's units.
     pub error: f32,
+    /// Whether its normals are too far from the mesh's to be lit, so that only shadow maps may use it. Such levels come
+    /// last.
+    pub outline_only: bool,
 }
 
 impl Material {

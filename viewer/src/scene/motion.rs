@@ -27,6 +27,76 @@ pub struct Sections {
     pub turn_normals: bool,
     /// Computes all sections at a time (s).
     pub at: Arc<dyn Fn(f64) -> Vec<Section> + Send + Sync>,
+    /// How the adapter computes the same sections for pictures; without it, the CPU computes them for each time.
+    pub poses: Option<Arc<Poses>>,
+}
+
+/// A hierarchy of branches that bend, for the adapter ([`Sections::poses`]). Places and directions are in world space
+/// and at rest.
+pub struct Poses {
+    /// The branches. A parent stands before what grows on it.
+    pub limbs: Vec<Limb>,
+    /// The pieces of the axes of all branches.
+    pub pieces: Vec<Piece>,
+    /// Where each section sits, in the order of the sections.
+    pub seats: Vec<Seat>,
+    /// Whether lengths of branches are kept in closed form only.
+    pub closed_form: bool,
+    /// The amplitude of each branch towards its r and s at a time (s).
+    pub amplitudes: Arc<dyn Fn(f64) -> Vec<[f32; 2]> + Send + Sync>,
+    /// The angle (rad) by which each section turns about its seat's axis at a time (s), before the branch carries it.
+    pub turns: Option<Arc<dyn Fn(f64) -> Vec<f32> + Send + Sync>>,
+}
+
+/// A branch that bends in its own frame, and follows its parent where it grows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limb {
+    /// The place where it begins.
+    pub root: Vec3,
+    /// Unit vectors from root to tip (t) and across (r).
+    pub axes: [Vec3; 2],
+    /// Length along the axis (mm).
+    pub length: f32,
+    /// Taper (tip radius over root radius), its logarithm ln α, and ln α/(α − 1).
+    pub taper: [f32; 3],
+    /// Coefficients of the deflection.
+    pub coefficients: [f32; 4],
+    /// The branch that it grows on.
+    pub parent: Option<u32>,
+    /// Where on the parent's axis (0 root, 1 tip), and on which of the parent's pieces.
+    pub at: (f32, u32),
+    /// Its root from that place.
+    pub offset: Vec3,
+    /// Its first piece among all pieces, and their number, which is at least 1.
+    pub pieces: [u32; 2],
+}
+
+/// A straight piece of a branch's axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// The share of the branch's length at which it begins.
+    pub begin: f32,
+    /// Where it begins, from the branch's root.
+    pub place: Vec3,
+    /// Its unit direction.
+    pub way: Vec3,
+}
+
+/// Where a section sits on a branch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seat {
+    /// The branch.
+    pub limb: u32,
+    /// 0 at the root, 1 at the tip.
+    pub share: f32,
+    /// The piece of the branch at that share.
+    pub piece: u32,
+    /// The point whose place the section states ([`Section::from`]).
+    pub from: Vec3,
+    /// From the axis to that point.
+    pub offset: Vec3,
+    /// The unit vector about which the section turns.
+    pub axis: Vec3,
 }
 
 /// A rigid motion: it moves a point p to `to` + `turn` (p − `from`).

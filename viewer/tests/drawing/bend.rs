@@ -92,6 +92,7 @@ fn surfaces_that_do_not_turn_are_lit_as_at_rest() {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals,
+        poses: None,
         at: Arc::new(move |_| vec![Section { from: Vec3::ZERO, to: Vec3::ZERO, turn }]),
     };
     let middle = |picture: &Picture| picture.hdr[20 * 48 + 24][1];

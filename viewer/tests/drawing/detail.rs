@@ -18,7 +18,7 @@ fn coarse() -> Detail {
             indices.extend([at(i, j), at(i, j + 1), at(i + 1, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
         }
     }
-    Detail { indices, error: BEND.abs() * 2.5 * 2.5 }
+    Detail { indices, error: BEND.abs() * 2.5 * 2.5, outline_only: false }
 }
 
 /// Height of the eye on the z axis.

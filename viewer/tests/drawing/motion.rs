@@ -108,6 +108,7 @@ fn a_carried_leaf_has_the_vectors_of_its_rigid_motion_and_of_the_camera() {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
+        poses: None,
         at: Arc::new(move |t| {
             let q = turn(t);
             let turn = Quat::from_xyzw(q.x as f32, q.y as f32, q.z as f32, q.w as f32);

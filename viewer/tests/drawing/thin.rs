@@ -86,6 +86,36 @@ fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
     }
 }
 
+/// In shadow maps whose texels are larger than leaves, fewer and larger leaves cast as much shadow.
+#[test]
+fn leaves_smaller_than_texels_are_fewer_in_shadow_maps_and_shade_as_much() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut of = |kinds: usize, resolution: u32| {
+        let (mut sum, mut leaves) = (0.0, 0);
+        for k in 0..2 {
+            let mut scene = crown(kinds, 5000 * k);
+            (scene.shadow_resolution, scene.sky, scene.msaa) = (resolution, None, 1);
+            renderer.set_scene(&scene).expect("scene");
+            let picture = renderer.render(&camera(Vec3::new(0.4, -1.0, 0.2), 4e3), 200, 200).expect("picture");
+            sum += picture.hdr.iter().map(|p| f64::from(p[1])).sum::<f64>() / 2.0;
+            leaves = renderer.stats().shadow_triangles / 2;
+        }
+        (sum, leaves)
+    };
+    // The maps are as wide as the crown, 1.2 m, and a rim of two texels on each side.
+    let resolution = 24;
+    let wide = 2.0 * 10.0 * std::f64::consts::SQRT_2 / (1200.0 / f64::from(resolution - 4));
+    let (full, all) = of(100, resolution);
+    let (thin, few) = of(1, resolution);
+    let wanted = LEAVES as f64 * (wide / 1.5).powi(2);
+    // Light that passes a crown is as random as the shadows of the leaves.
+    let scatter = 0.58 / (2.0 * few as f64).sqrt();
+    println!("{few} leaves ({wanted:.0} expected) cast the light {:+.1} %", 100.0 * (thin / full - 1.0));
+    assert_eq!(all, LEAVES as u64);
+    assert!((few as f64 / wanted - 1.0).abs() < 0.15, "{few} {wanted}");
+    assert!((thin / full - 1.0).abs() < 3.0 * scatter + 0.01, "{full} {thin}");
+}
+
 #[test]
 fn what_is_outside_the_view_is_not_drawn_but_casts_its_shadow() {
     let Some(mut renderer) = renderer() else { return };

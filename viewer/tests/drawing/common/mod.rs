@@ -204,5 +204,5 @@ pub fn swinging(mesh: &Mesh, still: f32) -> Sections {
         };
         columns.iter().map(section).collect()
     };
-    Sections { count, of_vertices, turn_normals: true, at: Arc::new(at) }
+    Sections { count, of_vertices, turn_normals: true, poses: None, at: Arc::new(at) }
 }

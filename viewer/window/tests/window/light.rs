@@ -90,6 +90,7 @@ fn a_swaying_leaf_plays_and_stops() {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
+        poses: None,
         at: Arc::new(|time| {
             let to = Vec3::Z * (9.0 * (0.5 * std::f64::consts::TAU * time).sin()) as f32;
             vec![Section { from: Vec3::ZERO, to, turn: Quat::IDENTITY }]

@@ -1,0 +1,97 @@
+//! Fits shadow maps to what the adapter moves: see `fit.wgsl`.
+
+use crate::gpu::Gpu;
+use crate::passes::main::Frame;
+use crate::passes::pose::{Kernel, PosePass};
+use crate::passes::shadow::STRIDE;
+use crate::shader::{Defines, assemble};
+use glam::Vec3;
+use wgpu::BufferUsages as Use;
+
+/// Fits as many maps as there are directions to the sun.
+pub(crate) struct FitPass {
+    kernel: Kernel,
+    lights: wgpu::Buffer,
+    /// The matrices, as far apart as those of the shadow pass, and then the side of a texel.
+    fitted: wgpu::Buffer,
+    still: Vec<Vec3>,
+    layers: usize,
+}
+
+impl FitPass {
+    /// `parts` are boxes on the adapter; `still` are the points of what casts shadows and does not move.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        parts: &wgpu::Buffer,
+        directions: &[Vec3],
+        still: Vec<Vec3>,
+        resolution: u32,
+    ) -> FitPass {
+        let layers = directions.len();
+        let defines = Defines::default().constant("LAYERS", layers as u32).constant("RESOLUTION", resolution);
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("fit"),
+            source: wgpu::ShaderSource::Wgsl(assemble(include_str!("fit.wgsl"), &defines).into()),
+        });
+        let lights = gpu.buffer(
+            "lights of shadow maps",
+            bytemuck::cast_slice(&lights(directions, &still)),
+            Use::STORAGE | Use::COPY_DST,
+        );
+        let fitted = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("fitted shadow maps"),
+            size: (layers * STRIDE + 16) as u64,
+            usage: Use::STORAGE | Use::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let resources = [(0, parts), (1, &lights), (2, &fitted)].map(|(k, b)| (k, b.as_entire_binding()));
+        let kernel = Kernel::new(gpu, &module, "fit_maps", &resources, 1);
+        FitPass { kernel, lights, fitted, still, layers }
+    }
+
+    /// Moves the sun.
+    pub(crate) fn set_sun(&self, gpu: &Gpu, directions: &[Vec3]) {
+        gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights(directions, &self.still)));
+    }
+
+    /// Fits the maps to the boxes of a pose, and hands the matrices over: to the pass that draws them (`spaced`) and to
+    /// the one that reads them (`packed`).
+    pub(crate) fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pose: Option<&PosePass>,
+        spaced: &wgpu::Buffer,
+        packed: &wgpu::Buffer,
+    ) {
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            if let Some(pose) = pose {
+                pose.unite(&mut pass);
+            }
+            self.kernel.record(&mut pass);
+        }
+        for k in 0..self.layers as u64 {
+            let at = k * STRIDE as u64;
+            encoder.copy_buffer_to_buffer(&self.fitted, at, spaced, at, 64);
+            encoder.copy_buffer_to_buffer(&self.fitted, at, packed, 64 * k, 64);
+        }
+    }
+
+    /// Writes the side of a texel into a frame's constants.
+    pub(crate) fn texel(&self, encoder: &mut wgpu::CommandEncoder, frame: &wgpu::Buffer) {
+        let to = std::mem::offset_of!(Frame, shadow) as u64;
+        encoder.copy_buffer_to_buffer(&self.fitted, (self.layers * STRIDE) as u64, frame, to, 4);
+    }
+}
+
+/// For each map its axes, the direction to the sun, and the extents of what stands still.
+fn lights(directions: &[Vec3], still: &[Vec3]) -> Vec<[[f32; 4]; 5]> {
+    let one = |direction: &Vec3| {
+        let (x, y) = direction.any_orthonormal_pair();
+        let place = |p: &Vec3| Vec3::new(p.dot(x), p.dot(y), -p.dot(*direction));
+        let nowhere = (Vec3::splat(1e30), Vec3::splat(-1e30));
+        let (low, high) = still.iter().map(place).fold(nowhere, |(l, h), p| (l.min(p), h.max(p)));
+        [x, y, *direction, low, high].map(|v| v.extend(0.0).to_array())
+    };
+    directions.iter().map(one).collect()
+}

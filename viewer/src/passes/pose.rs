@@ -1,0 +1,296 @@
+//! Poses plants on the adapter, once for each time: see `pose.wgsl`. The CPU gives an amplitude for each branch, and
+//! everything else stays on the adapter: the sections for the vertex stage, boxes around what moves, and the matrices
+//! of shadow maps that are fitted to these boxes.
+
+use crate::error::Result;
+use crate::geometry::corners;
+use crate::gpu::Gpu;
+use crate::passes::bend::SECTIONS_WIDE;
+use crate::scene::{Poses, Scene};
+use crate::shader::{Defines, assemble};
+use crate::stats::Stats;
+use glam::{Mat3, Vec3};
+use std::sync::Arc;
+use wgpu::BufferUsages as Use;
+
+/// Number of Newton steps for a place on a bent branch; few branches need more than two.
+const STEPS: u32 = 4;
+
+/// A compute shader with what it reads and writes.
+pub(crate) struct Kernel {
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+    /// Number of invocations in groups of 64.
+    count: u32,
+}
+
+impl Kernel {
+    /// Makes one of the entry points of a module. It must use all of the `resources`.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        module: &wgpu::ShaderModule,
+        entry: &str,
+        resources: &[(u32, wgpu::BindingResource<'_>)],
+        count: usize,
+    ) -> Kernel {
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: None,
+            module,
+            entry_point: Some(entry),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = resources
+            .iter()
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
+            .collect();
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(entry),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        Kernel { pipeline, group, count: count as u32 }
+    }
+
+    pub(crate) fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        pass.dispatch_workgroups(self.count.div_ceil(64), 1, 1);
+    }
+}
+
+/// The pose of all plants on the adapter.
+pub(crate) struct PosePass {
+    poses: Arc<Poses>,
+    amplitudes: wgpu::Buffer,
+    turns: Option<wgpu::Buffer>,
+    /// The box around everything that each branch carries: two corners of four numbers each.
+    pub parts: wgpu::Buffer,
+    kernels: Vec<Kernel>,
+    /// Unites the boxes of parts. It is only needed where something reads them.
+    unite: Kernel,
+}
+
+/// A box with its own axes: the centre, and half sides.
+type Oriented = (Vec3, [Vec3; 3]);
+
+impl PosePass {
+    /// Uploads the branches of a scene, whose sections are written into `sections`.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        poses: &Arc<Poses>,
+        sections: &wgpu::TextureView,
+        stats: &mut Stats,
+    ) -> PosePass {
+        let around = boxes(scene, poses);
+        let (members, first) = members(poses, &around);
+        let mut put = |label: &str, bytes: &[u8]| {
+            stats.upload(label, bytes.len() as u64);
+            gpu.buffer(label, if bytes.is_empty() { &[0; 16] } else { bytes }, Use::STORAGE)
+        };
+        let limbs = put("branches", bytemuck::cast_slice(&limbs(poses, &first)));
+        let pieces = put("pieces of branches", bytemuck::cast_slice(&pieces(poses)));
+        let seats = put("seats of sections", bytemuck::cast_slice(&seats(poses)));
+        let at_rest = put("boxes of sections", bytemuck::cast_slice(&oriented(&around)));
+        let members = put("sections of branches", bytemuck::cast_slice(&members));
+        let made = |label: &str, bytes: usize, usage: Use| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: bytes.max(16) as u64,
+                usage: Use::STORAGE | usage,
+                mapped_at_creation: false,
+            })
+        };
+        let (n, m) = (poses.limbs.len(), poses.seats.len());
+        let amplitudes = made("amplitudes", 8 * n, Use::COPY_DST);
+        let turns = poses.turns.is_some().then(|| made("turns of leaves", 4 * m, Use::COPY_DST));
+        let marks = made("marks", 32 * poses.pieces.len(), Use::empty());
+        let states = made("states", 80 * n, Use::empty());
+        let boxes = made("boxes", 32 * m, Use::empty());
+        let parts = made("parts", 32 * n, Use::COPY_SRC);
+        let defines = Defines::default()
+            .constant("STEPS", if poses.closed_form { 0 } else { STEPS })
+            .constant("SECTIONS_WIDE", SECTIONS_WIDE)
+            .set("TURNS", turns.is_some());
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("pose"),
+            source: wgpu::ShaderSource::Wgsl(assemble(include_str!("pose.wgsl"), &defines).into()),
+        });
+        let mut of = |entry: &str, buffers: &[(u32, &wgpu::Buffer)], texture: bool, count: usize| {
+            let mut all: Vec<(u32, wgpu::BindingResource<'_>)> =
+                buffers.iter().map(|(binding, buffer)| (*binding, buffer.as_entire_binding())).collect();
+            if texture {
+                all.push((11, wgpu::BindingResource::TextureView(sections)));
+            }
+            stats.pipeline(&format!("pose: {entry}"));
+            Kernel::new(gpu, &module, entry, &all, count)
+        };
+        let mut seated =
+            vec![(0, &limbs), (1, &pieces), (2, &seats), (5, &at_rest), (7, &marks), (8, &states), (9, &boxes)];
+        seated.extend(turns.as_ref().map(|turns| (4, turns)));
+        let kernels = vec![
+            of("bend_limbs", &[(0, &limbs), (1, &pieces), (3, &amplitudes), (7, &marks), (8, &states)], false, n),
+            of("join_limbs", &[(0, &limbs), (1, &pieces), (7, &marks), (8, &states)], false, n),
+            of("carry_limbs", &[(0, &limbs), (8, &states)], false, n),
+            of("seat_sections", &seated, true, m),
+        ];
+        let unite = of("unite_parts", &[(0, &limbs), (6, &members), (9, &boxes), (10, &parts)], false, n);
+        PosePass { poses: poses.clone(), amplitudes, turns, parts, kernels, unite }
+    }
+
+    /// Poses everything at a time (s).
+    pub(crate) fn set_time(&self, gpu: &Gpu, time: f64) {
+        gpu.queue.write_buffer(&self.amplitudes, 0, bytemuck::cast_slice(&(self.poses.amplitudes)(time)));
+        if let (Some(buffer), Some(turns)) = (&self.turns, &self.poses.turns) {
+            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&turns(time)));
+        }
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            self.kernels.iter().for_each(|kernel| kernel.record(&mut pass));
+        }
+        gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Makes the boxes of [`PosePass::parts`] for the present pose.
+    pub(crate) fn unite(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.unite.record(pass);
+    }
+
+    /// The boxes around what each branch carries; `None` for a branch that carries nothing.
+    pub(crate) fn boxes(&self, gpu: &Gpu) -> Result<Vec<Option<[Vec3; 2]>>> {
+        let back = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("parts back"),
+            size: self.parts.size(),
+            usage: Use::MAP_READ | Use::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        self.unite(&mut encoder.begin_compute_pass(&Default::default()));
+        encoder.copy_buffer_to_buffer(&self.parts, 0, &back, 0, back.size());
+        gpu.queue.submit([encoder.finish()]);
+        let found: Vec<[[f32; 4]; 2]> = bytemuck::pod_collect_to_vec(&crate::readback::buffer(gpu, &back)?);
+        let corner = |c: &[f32; 4]| Vec3::new(c[0], c[1], c[2]);
+        let part = |[low, high]: &[[f32; 4]; 2]| (low[0] <= high[0]).then(|| [corner(low), corner(high)]);
+        Ok(found.iter().take(self.poses.limbs.len()).map(part).collect())
+    }
+}
+
+/// A number whose bits a shader reads as an integer.
+fn bits(number: u32) -> f32 {
+    f32::from_bits(number)
+}
+
+fn four(v: Vec3, w: f32) -> [f32; 4] {
+    v.extend(w).to_array()
+}
+
+fn limbs(poses: &Poses, first: &[u32]) -> Vec<[[f32; 4]; 7]> {
+    let one = |(limb, carried): (&crate::scene::Limb, &[u32])| {
+        let [alpha, ln_alpha, ell] = limb.taper;
+        let parent = limb.parent.map_or(-1, |p| p as i32) as u32;
+        let [piece, pieces] = limb.pieces;
+        [
+            four(limb.root, limb.length),
+            four(limb.axes[0], alpha),
+            four(limb.axes[1], ln_alpha),
+            four(limb.offset, ell),
+            limb.coefficients,
+            [limb.at.0, bits(parent), bits(limb.at.1), bits(piece)],
+            [bits(pieces), bits(carried[0]), bits(carried[1] - carried[0]), 0.0],
+        ]
+    };
+    poses.limbs.iter().zip(first.windows(2)).map(one).collect()
+}
+
+fn pieces(poses: &Poses) -> Vec<[[f32; 4]; 2]> {
+    poses.pieces.iter().map(|p| [four(p.place, p.begin), four(p.way, 0.0)]).collect()
+}
+
+fn seats(poses: &Poses) -> Vec<[[f32; 4]; 3]> {
+    let one =
+        |s: &crate::scene::Seat| [four(s.from, s.share), four(s.offset, bits(s.limb)), four(s.axis, bits(s.piece))];
+    poses.seats.iter().map(one).collect()
+}
+
+fn oriented(around: &[Option<Oriented>]) -> Vec<[[f32; 4]; 4]> {
+    let one = |of: &Option<Oriented>| match of {
+        Some((centre, [x, y, z])) => [four(*centre, 1.0), four(*x, 0.0), four(*y, 0.0), four(*z, 0.0)],
+        None => [[0.0; 4]; 4],
+    };
+    around.iter().map(one).collect()
+}
+
+/// The sections that carry something, branch by branch, and where those of each branch begin.
+fn members(poses: &Poses, around: &[Option<Oriented>]) -> (Vec<u32>, Vec<u32>) {
+    let mut all: Vec<u32> = (0..poses.seats.len() as u32).filter(|k| around[*k as usize].is_some()).collect();
+    all.sort_by_key(|k| poses.seats[*k as usize].limb);
+    let begin = |limb: usize| all.partition_point(|k| (poses.seats[*k as usize].limb as usize) < limb) as u32;
+    let first = (0..=poses.limbs.len()).map(begin).collect();
+    (all, first)
+}
+
+/// The box around what each section carries at rest. Its axes are those of the first instance, or of the branch for
+/// bark.
+fn boxes(scene: &Scene, poses: &Poses) -> Vec<Option<Oriented>> {
+    let mut found: Vec<Option<(Mat3, Vec3, Vec3)>> = vec![None; poses.seats.len()];
+    let mut add = |section: usize, axes: Mat3, point: Vec3| {
+        let (axes, low, high) = found[section].get_or_insert((axes, Vec3::INFINITY, Vec3::NEG_INFINITY));
+        let own = axes.transpose() * point;
+        (*low, *high) = (low.min(own), high.max(own));
+    };
+    let corners: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|m| corners(&m.positions)).collect();
+    let of_vertices = scene.sections.as_ref().map_or(&[][..], |s| &s.of_vertices);
+    for instance in &scene.instances {
+        let (Some(by), m) = (instance.carried, instance.transform) else { continue };
+        let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
+        let leaf = Mat3::from_cols(
+            columns[0].normalize_or(Vec3::X),
+            columns[1].normalize_or(Vec3::Y),
+            columns[2].normalize_or(Vec3::Z),
+        );
+        match by.vertices {
+            None => {
+                let all = corners[instance.mesh].iter().flatten();
+                all.for_each(|p| add(by.first as usize, leaf, m.transform_point3(*p)));
+            }
+            Some(first) => {
+                for (k, p) in scene.meshes[instance.mesh].positions.iter().enumerate() {
+                    let section = (by.first + of_vertices[first as usize + k]) as usize;
+                    let [t, r] = poses.limbs[poses.seats[section].limb as usize].axes;
+                    add(section, Mat3::from_cols(t, r, t.cross(r)), m.transform_point3(*p));
+                }
+            }
+        }
+    }
+    let oriented = |of: Option<(Mat3, Vec3, Vec3)>| {
+        let (axes, low, high) = of?;
+        let half = 0.5 * (high - low);
+        Some((axes * (0.5 * (low + high)), [axes.x_axis * half.x, axes.y_axis * half.y, axes.z_axis * half.z]))
+    };
+    found.into_iter().map(oriented).collect()
+}
+
+/// Balls that hold everything that is carried, however branches bend: around the root of each trunk, as far as all
+/// lengths from there to a leaf's or a vertex' farthest corner.
+pub(crate) fn reach(scene: &Scene, poses: &Poses) -> Vec<(Vec3, f32)> {
+    let mut of_limbs: Vec<(usize, f32)> = Vec::with_capacity(poses.limbs.len());
+    for (k, limb) in poses.limbs.iter().enumerate() {
+        of_limbs.push(limb.parent.map_or((k, 0.0), |parent| {
+            let (trunk, before) = of_limbs[parent as usize];
+            (trunk, before + limb.at.0 * poses.limbs[parent as usize].length + limb.offset.length())
+        }));
+    }
+    let mut radii = vec![0.0f32; poses.limbs.len()];
+    for (seat, of) in poses.seats.iter().zip(boxes(scene, poses)) {
+        let Some((centre, half)) = of else { continue };
+        let (trunk, before) = of_limbs[seat.limb as usize];
+        let along = seat.share * poses.limbs[seat.limb as usize].length + seat.offset.length();
+        let beyond = centre.distance(seat.from) + half.iter().map(|h| h.length()).sum::<f32>();
+        radii[trunk] = radii[trunk].max(before + along + beyond);
+    }
+    let trunk = |(k, limb): (usize, &crate::scene::Limb)| limb.parent.is_none().then(|| (limb.root, radii[k]));
+    poses.limbs.iter().enumerate().filter_map(trunk).collect()
+}
