@@ -13,6 +13,10 @@ use glam::{Mat3, Vec3};
 use std::sync::Arc;
 use wgpu::BufferUsages as Use;
 
+/// Bytes of a branch, of a mark, and of the box around what a section carries: the largest of what there is of each.
+const LIMB: usize = 112;
+const MARK: usize = 32;
+const BOX_AT_REST: usize = 64;
 /// Number of Newton steps for a place on a bent branch; few branches need more than two.
 const STEPS: u32 = 4;
 
@@ -72,6 +76,22 @@ pub(crate) struct PosePass {
     unite: Kernel,
 }
 
+/// Whether an adapter can pose what a scene has. If not, the CPU does.
+pub(crate) fn possible(gpu: &Gpu, poses: &Poses) -> bool {
+    let sections = gpu.adapter.get_texture_format_features(wgpu::TextureFormat::Rgba32Float);
+    sections.allowed_usages.contains(wgpu::TextureUsages::STORAGE_BINDING)
+        && within(&gpu.device.limits(), poses.limbs.len(), poses.pieces.len(), poses.seats.len())
+}
+
+/// Whether buffers and numbers of work groups stay within an adapter's limits.
+fn within(limits: &wgpu::Limits, limbs: usize, pieces: usize, seats: usize) -> bool {
+    let bytes = (LIMB * limbs).max(MARK * pieces).max(BOX_AT_REST * seats) as u64;
+    let groups = limbs.max(seats).div_ceil(64);
+    limits.max_storage_buffers_per_shader_stage >= 8
+        && bytes <= limits.max_storage_buffer_binding_size
+        && groups <= limits.max_compute_workgroups_per_dimension as usize
+}
+
 /// A box with its own axes: the centre, and half sides.
 type Oriented = (Vec3, [Vec3; 3]);
 
@@ -106,7 +126,7 @@ impl PosePass {
         let (n, m) = (poses.limbs.len(), poses.seats.len());
         let amplitudes = made("amplitudes", 8 * n, Use::COPY_DST);
         let turns = poses.turns.is_some().then(|| made("turns of leaves", 4 * m, Use::COPY_DST));
-        let marks = made("marks", 32 * poses.pieces.len(), Use::empty());
+        let marks = made("marks", MARK * poses.pieces.len(), Use::empty());
         let states = made("states", 80 * n, Use::empty());
         let boxes = made("boxes", 32 * m, Use::empty());
         let parts = made("parts", 32 * n, Use::COPY_SRC);
@@ -293,4 +313,23 @@ pub(crate) fn reach(scene: &Scene, poses: &Poses) -> Vec<(Vec3, f32)> {
     }
     let trunk = |(k, limb): (usize, &crate::scene::Limb)| limb.parent.is_none().then(|| (limb.root, radii[k]));
     poses.limbs.iter().enumerate().filter_map(trunk).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With WebGPU's smallest limits, the boxes of two million sections fill a buffer, and a storage buffer too few is
+    /// too few.
+    #[test]
+    fn what_is_too_large_is_left_to_the_cpu() {
+        let limits = wgpu::Limits::default();
+        let most = (limits.max_storage_buffer_binding_size / 64) as usize;
+        assert!(within(&limits, 1500, 4000, 14_000) && within(&limits, 1, 1, most));
+        assert!(!within(&limits, 1, 1, most + 1) && !within(&limits, most, 1, 1));
+        let large = wgpu::Limits { max_storage_buffer_binding_size: u64::MAX, ..limits.clone() };
+        assert!(within(&large, 1, 1, 64 * 65_535) && !within(&large, 1, 1, 64 * 65_535 + 1));
+        let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..limits };
+        assert!(!within(&few, 1, 1, 1));
+    }
 }

@@ -23,12 +23,13 @@ use crate::passes::bloom::BloomPass;
 use crate::passes::grass::{Aim, GrassPass};
 use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
 use crate::passes::motion::MotionPass;
+use crate::passes::pose;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::TonemapPass;
 use crate::passes::transfer::TransferPass;
 use crate::readback;
-use crate::scene::{Camera, Dome, Material, Mesh, Scanner, Scene, Sun};
+use crate::scene::{Camera, Dome, Material, Mesh, Scanner, Scene, Sections, Sun};
 use crate::stats::Stats;
 use crate::thin::Seen;
 use crate::timing::Clock;
@@ -127,6 +128,15 @@ impl Renderer {
     /// `Device` where the adapter runs out of memory or refuses a shader; then no scene is left.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
         validate::scene(&self.gpu, scene)?;
+        let mut without_poses = None;
+        if let Some(Sections { poses: Some(poses), .. }) = &scene.sections
+            && !pose::possible(&self.gpu, poses)
+        {
+            let mut scene = scene.clone();
+            scene.sections.iter_mut().for_each(|s| s.poses = None);
+            without_poses = Some(scene);
+        }
+        let scene = without_poses.as_ref().unwrap_or(scene);
         let guard = Guard::new(&self.gpu);
         let Stats { draws, shadow_renders, transfers, .. } = self.stats;
         let mut stats = Stats { draws, shadow_renders, transfers, ..Stats::default() };
