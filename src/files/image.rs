@@ -99,6 +99,10 @@ fn info_of<R: std::io::Read + std::io::Seek>(path: &Path, reader: &exr::block::r
 /// any size.
 const ASK_FOR_MEMORY: u64 = 1 << 28;
 
+/// No compression of OpenEXR that is read here makes pixels more than this many times as small. The limit is that of
+/// deflate, 1032, with some room.
+const MOST_COMPRESSED: u64 = 1100;
+
 /// Reads every channel of an EXR file; half and integer samples become float.
 pub fn read_exr(path: &Path) -> Result<Maps> {
     read_exr_rows(path, None, None)
@@ -114,6 +118,14 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
     guarded(path, || {
         let reader = exr::block::read(BufReader::with_capacity(1 << 17, file), false).map_err(|e| broken(path, &e))?;
         let info = info_of(path, &reader)?;
+        let stated = (info.width as u64).saturating_mul(info.height as u64);
+        let samples = reader.headers()[0].channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u64);
+        let length = std::fs::metadata(path).map_err(|e| Error::input(path, atomic::explain(&e)))?.len();
+        if stated.saturating_mul(samples.sum()) > length.saturating_mul(MOST_COMPRESSED) {
+            let [w, h] = [info.width, info.height];
+            let what = format!("the header states {w}x{h} pixels; a file of {length} bytes cannot hold as many");
+            return Err(Error::input(path, what));
+        }
         let rows = rows.unwrap_or(0..info.height);
         if rows.end > info.height {
             return Err(Error::input(path, format!("rows up to {} wanted, the image has {}", rows.end, info.height)));
@@ -288,6 +300,31 @@ mod tests {
             let band = read_exr_rows(&path, Some(&["m.Y"]), Some(17..23)).unwrap();
             assert_eq!(band.channels[0].1, sample().channels[1].1[17 * 5..23 * 5]);
         }
+    }
+
+    /// A window that reaches from 15 back to 2²⁷, or down to 2³⁰, is refused before memory is asked for. The largest
+    /// compression that there is passes: all pixels are the same.
+    #[test]
+    fn a_header_that_states_more_than_the_file_can_hold_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        write_exr(&path, &sample(), Packing::Raw).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let name = b"dataWindow\0box2i\0";
+        let window = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        for (at, value) in [(0, 1 << 27), (12, 1 << 30)] {
+            let mut broken = bytes.clone();
+            broken[window + at..window + at + 4].copy_from_slice(&i32::to_le_bytes(value));
+            std::fs::write(&path, broken).unwrap();
+            let clock = std::time::Instant::now();
+            let sentence = read_exr(&path).unwrap_err().to_string();
+            assert!(sentence.contains("a.exr") && clock.elapsed().as_secs() < 2, "{sentence}");
+        }
+        let mut even = Maps::new(2000, 2000);
+        even.push("Y", vec![0.0; 4_000_000]);
+        write_exr(&path, &even, Packing::Zip).unwrap();
+        assert!(std::fs::metadata(&path).unwrap().len() < 4 * 4_000_000 / 200);
+        assert_eq!(read_exr(&path).unwrap(), even);
     }
 
     #[test]

@@ -89,7 +89,7 @@ const SMALLER_SCENES: [(&str, &str, &str); 2] = [
     ("data/scenes/between.toml", "dense-twig.glb", "two-species.glb"),
 ];
 
-/// Leaves every third leaf of a scene, and the place of each: each is worked out from its layers anew.
+/// Removes two of three leaves of a scene and their instances, because each leaf is computed from its layers anew.
 fn fewer_leaves(scene: &Path) {
     let mut read: toml::Table = toml::from_str(&std::fs::read_to_string(scene).unwrap()).unwrap();
     for list in ["leaf", "instance"] {

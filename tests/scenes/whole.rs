@@ -61,7 +61,7 @@ const NEEDED: [Change; 5] = [
         changed(&fits.join("elm"), "back.exr", |c, v| if paler(c) { 0.8 * v } else { v });
     }),
     ("normals of the front", |fits| {
-        changed(&fits.join("elm"), "front.exr", |c, v| if c == "normal.X" { -v } else { v });
+        changed(&fits.join("elm"), "front.exr", |c, v| if c == "normal.X" { 0.5 * v } else { v });
     }),
     ("taper and load of the twig", |fits| {
         let folder = fits.join("elm-twig");

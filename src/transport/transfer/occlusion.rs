@@ -56,9 +56,9 @@ impl Hidden {
         (0..3).for_each(|c| self.sun[c][usize::from(back)] += irradiance[c]);
     }
 
-    /// Adds to the `round` of entries, whose `columns` hold what comes straight, the light by way of what is in the
-    /// way. `share` is the share of all paths that the round has. `irradiance` reads E₁ and E₂ from the rows, whose
-    /// number it gets by asking for each of them.
+    /// Adds the light that surfaces in the way show to a `round` of entries, which hold what comes straight, column by
+    /// column. A round has this `share` of all paths. `irradiance` computes E₁ and E₂ from the values of the rows: it
+    /// is given a function that returns the value of a row.
     pub fn close(
         &self,
         round: &mut [[f32; 4]],

@@ -90,7 +90,6 @@ pub struct Sun {
 /// Let R be the distance to the tube's axis, h the height of the axis, and let the tube be seen under the angles θ ± β
 /// across and φ₀ … φ₁ along. Then L = h/R · β/sin β · 2 ∫∫ (ρd/π + f_s) max(0, N·l) cosφ dφ dθ/2β. So a white matte
 /// texel that faces up under an infinite tube straight above has L = 1.
-/// infinite tube straight above shows 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scanner {
     /// Unit vector towards the camera, above the plane.
