@@ -132,7 +132,8 @@ pub fn compare(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> 
 
 fn read(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
-    let decoded = ::image::load_from_memory_with_format(&bytes, ::image::ImageFormat::Png)
+    let decoded = ::image::codecs::png::PngDecoder::new(std::io::Cursor::new(&bytes))
+        .and_then(::image::DynamicImage::from_decoder)
         .map_err(|e| Error::input(path, format!("not a readable PNG ({e})")))?
         .to_rgba8();
     let (w, h) = decoded.dimensions();

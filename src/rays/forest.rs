@@ -107,9 +107,7 @@ impl Forest {
         limit: f64,
         accept: impl Fn(usize, usize, [f64; 2]) -> bool,
     ) -> Option<Hit> {
-        let mut first = First { accept, farthest: limit, best: None };
-        self.search::<false, _>(ray, limit, &mut first);
-        first.best
+        self.first(ray, limit, &accept)
     }
 
     /// Whether there is a hit at t > 0 that `accept` accepts.
@@ -119,6 +117,16 @@ impl Forest {
 
     /// Whether there is a hit at 0 < t < `limit` that `accept` accepts.
     pub fn blocked_within(&self, ray: &Ray, limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
+        self.any(ray, limit, &accept)
+    }
+
+    fn first(&self, ray: &Ray, limit: f64, accept: Accept<'_>) -> Option<Hit> {
+        let mut first = First { accept, farthest: limit, best: None };
+        self.search::<false, _>(ray, limit, &mut first);
+        first.best
+    }
+
+    fn any(&self, ray: &Ray, limit: f64, accept: Accept<'_>) -> bool {
         self.search::<true, _>(ray, limit, &mut Any { accept })
     }
 
@@ -146,19 +154,18 @@ pub(crate) trait Found {
     fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool;
 }
 
-/// Which hits count: takes instance, triangle and barycentric coordinates.
-pub(crate) trait Accept: Fn(usize, usize, [f64; 2]) -> bool {}
-
-impl<A: Fn(usize, usize, [f64; 2]) -> bool> Accept for A {}
+/// Which hits count: takes instance, triangle and barycentric coordinates. It is called through a pointer, so that the
+/// search is compiled once, here, and not again for each function that anyone passes.
+pub(crate) type Accept<'a> = &'a dyn Fn(usize, usize, [f64; 2]) -> bool;
 
 /// Looks for the nearest hit before `farthest`.
-pub(crate) struct First<A> {
-    pub accept: A,
+pub(crate) struct First<'a> {
+    pub accept: Accept<'a>,
     pub farthest: f64,
     pub best: Option<Hit>,
 }
 
-impl<A: Accept> Found for First<A> {
+impl Found for First<'_> {
     #[inline(always)]
     fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool {
         let Met { t, barycentric, solid, .. } = met;
@@ -174,11 +181,11 @@ impl<A: Accept> Found for First<A> {
 }
 
 /// Looks for any hit before the limit.
-struct Any<A> {
-    accept: A,
+struct Any<'a> {
+    accept: Accept<'a>,
 }
 
-impl<A: Accept> Found for Any<A> {
+impl Found for Any<'_> {
     #[inline(always)]
     fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool {
         met.t < *limit && (met.solid || (self.accept)(instance, met.triangle as usize, met.barycentric))

@@ -30,18 +30,22 @@ impl Forest {
             return rays.iter().map(|ray| self.nearest(ray, &accept)).collect();
         }
         let mut hits = vec![None; rays.len()];
-        let (forest, accept, found) = (self, &accept, &mut hits);
-        dispatch!(self.instructions, [], [A: Accept],
-            follow(forest: &Forest, rays: &[Ray], accept: &A, found: &mut [Option<Hit>]) -> ());
+        self.in_turn(rays, &accept, &mut hits);
         hits
+    }
+
+    fn in_turn(&self, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<Hit>]) {
+        let forest = self;
+        dispatch!(self.instructions, [], [],
+            follow(forest: &Forest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<Hit>]) -> ());
     }
 }
 
 /// A ray on its way.
-struct Walker<'a, A> {
+struct Walker<'a> {
     /// Which of the rays.
     number: usize,
-    first: First<&'a A>,
+    first: First<'a>,
     limit: f64,
     /// The ray in the frame of the tree over the instances, where there are several.
     outer: Local,
@@ -97,11 +101,11 @@ fn alike(rays: &[Ray]) -> Vec<usize> {
 }
 
 #[inline(always)]
-fn follow<L: Lanes, A: Accept>(forest: &Forest, rays: &[Ray], accept: &A, hits: &mut [Option<Hit>]) {
+fn follow<L: Lanes>(forest: &Forest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<Hit>]) {
     let deepest = forest.shapes.iter().map(|shape| shape.tree.waiting).max().unwrap_or(0);
     let most = forest.tree.waiting + deepest;
     let mut waiting = vec![Waiting::default(); TURNS * most];
-    let mut walkers: [Walker<A>; TURNS] = std::array::from_fn(|_| Walker {
+    let mut walkers: [Walker<'_>; TURNS] = std::array::from_fn(|_| Walker {
         number: 0,
         first: First { accept, farthest: f64::INFINITY, best: None },
         limit: f64::INFINITY,
@@ -145,7 +149,7 @@ fn follow<L: Lanes, A: Accept>(forest: &Forest, rays: &[Ray], accept: &A, hits: 
     }
 }
 
-impl<'a, A: Accept> Walker<'a, A> {
+impl<'a> Walker<'a> {
     /// 1 where it comes to a leaf next, 0 where it comes to a node.
     #[inline(always)]
     fn at_leaf(&self) -> usize {

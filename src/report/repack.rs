@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 /// A PNG with the same pixels in fewer bytes, or with squares of `step` × `step` pixels averaged to one. `None` for
 /// what is not a PNG.
 pub fn repacked(png: &[u8], step: usize) -> Option<Vec<u8>> {
-    let whole = image::load_from_memory_with_format(png, image::ImageFormat::Png).ok()?.to_rgb8();
+    let decoder = image::codecs::png::PngDecoder::new(std::io::Cursor::new(png)).ok()?;
+    let whole = image::DynamicImage::from_decoder(decoder).ok()?.to_rgb8();
     let shown = if step > 1 { averaged(&whole, step as u32) } else { whole };
     let packed = match palette(&shown) {
         // Maps in false colour have few colours: a byte a pixel.
