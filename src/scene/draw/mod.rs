@@ -4,6 +4,7 @@
 pub mod between;
 pub mod card;
 pub mod detail;
+pub mod flat;
 pub mod grass;
 #[cfg(feature = "render")]
 pub mod handover;
@@ -22,3 +23,4 @@ pub mod sunlit;
 pub mod true_leaf;
 #[cfg(feature = "render")]
 pub mod truth;
+pub mod tubes;
