@@ -203,4 +203,51 @@ mod tests {
         let left = without_cards(&with).meshes.remove(0);
         assert_eq!(left.details, handover::with_details(&blade(), None, false).details);
     }
+
+    /// Leaves in all directions, a few pixels long: with cards, the picture has the radiance and the coverage of the
+    /// leaves in full detail.
+    #[test]
+    fn cards_are_as_bright_and_as_dense_as_leaves() {
+        let Ok(mut renderer) = gpu::Renderer::headless(&gpu::Options::default()) else { return };
+        let maps = |rho: f32| viewer::SideMaps {
+            interior: viewer::Interior::Maps { rho_d: vec![[rho; 3]], rho_t: vec![[0.5 * rho; 3]] },
+            ..viewer::SideMaps::black()
+        };
+        let leaf = viewer::Leaf {
+            name: "leaf".into(),
+            width: 1,
+            height: 1,
+            thickness_mm: 1.0,
+            lobe: viewer::Lobe::Beckmann,
+            sides: viewer::Sides::of(|_| maps(0.2)),
+            mask: None,
+        };
+        let sun = viewer::Sun { direction: Vec3::new(0.6, 0.0, 0.8), irradiance: [10.0; 3], radius: 0.0047 };
+        let mut scene = viewer::Scene { sun: Some(sun), sky: Some([1.0; 3]), msaa: 4, ..viewer::Scene::default() };
+        let one = scene.add(handover::with_details(&blade(), None, true), viewer::Material::Leaf(leaf));
+        let spread = |k: u32, by: f64| (f64::from(k + 1) * by).fract() as f32;
+        scene.instances = (0..400)
+            .map(|k| {
+                let axis = Vec3::new(spread(k, 0.819_173) - 0.5, spread(k, 0.671_044) - 0.5, spread(k, 0.549_7) - 0.5);
+                let turned = glam::Quat::from_axis_angle(axis.normalize(), 6.0 * spread(k, 0.450_33));
+                let place = 100.0 * Vec3::new((k % 20) as f32 - 9.5, 0.0, (k / 20) as f32 - 9.5);
+                let transform = glam::Mat4::from_rotation_translation(turned, place);
+                viewer::Instance { transform, ..one }
+            })
+            .collect();
+        // 62 mm are 4.3 pixels.
+        let camera = viewer::Camera { eye: Vec3::NEG_Y * 4e3, target: Vec3::ZERO, up: Vec3::Z, fov_y_deg: 32.0 };
+        let mut seen = |in_full: bool| {
+            scene.in_full = in_full;
+            renderer.set_scene(&scene).expect("scene");
+            let picture = renderer.render(&camera, 160, 160).expect("picture");
+            (means(&picture), renderer.stats().triangles)
+        };
+        let ((cards, few), (full, all)) = (seen(false), seen(true));
+        assert_eq!((few, all), (2 * 400, 320 * 400));
+        // A leaf covers about 30 samples, of which those at its rim count by chance.
+        for c in 0..2 {
+            assert!((cards[c] / full[c] - 1.0).abs() < 0.02, "{c}: {cards:?} {full:?}");
+        }
+    }
 }

@@ -10,6 +10,7 @@ pub mod grass;
 pub mod handover;
 #[cfg(feature = "render")]
 pub mod leaf_maps;
+pub mod polygon;
 #[cfg(feature = "render")]
 pub mod poses;
 pub mod reference;

@@ -168,6 +168,7 @@ fn thinned(rings: &[Ring], from: usize, to: usize, distance: f64, kept: &mut Vec
 
 #[cfg(test)]
 mod tests {
+    use super::super::polygon::beside;
     use super::*;
     use glam::DMat4;
     use mesophyll_flora::form::tube;
@@ -180,11 +181,14 @@ mod tests {
         out
     }
 
-    /// Distance of a point from a triangle, by many points on it.
-    fn off(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-        let n = 12;
-        let points = (0..=n).flat_map(|i| (0..=n - i).map(move |j| (i as f64 / n as f64, j as f64 / n as f64)));
-        points.map(|(s, t)| p.distance(a + s * (b - a) + t * (c - a))).fold(f64::MAX, f64::min)
+    /// Distance of a point from a triangle.
+    fn off(p: DVec3, corners: [DVec3; 3]) -> f64 {
+        let edge = |k: usize| [corners[k], corners[(k + 1) % 3]];
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+        match (0..3).all(|k| normal.cross(edge(k)[1] - edge(k)[0]).dot(p - edge(k)[0]) >= 0.0) {
+            true => normal.dot(p - corners[0]).abs(),
+            false => (0..3).map(|k| beside(p, edge(k))).fold(f64::MAX, f64::min),
+        }
     }
 
     #[test]
@@ -197,14 +201,13 @@ mod tests {
         let mut before = mesh.triangles();
         for level in &levels {
             let coarse = LeafMesh { indices: level.indices.clone(), ..all.clone() };
-            assert!(coarse.triangles() < before && level.error_mm <= 8.0);
+            assert!(coarse.triangles() < before && level.error_mm <= LEVELS[3]);
             before = coarse.triangles();
             let facets: Vec<[DVec3; 3]> =
                 (0..coarse.triangles()).map(|t| coarse.triangle(t).map(|k| coarse.positions[k])).collect();
             for p in mesh.positions.iter().step_by(3) {
                 let far = facets.iter().map(|f| off(*p, *f)).fold(f64::MAX, f64::min);
-                // The points on a triangle are up to a twelfth of its longest side, here 1 m, apart across a short one.
-                assert!(far <= level.error_mm + 5.0, "{far} {}", level.error_mm);
+                assert!(far <= level.error_mm + 1e-9, "{far} {}", level.error_mm);
             }
         }
         assert!(before * 4 < mesh.triangles(), "{before}");
