@@ -1,6 +1,7 @@
-//! The coarsest level of a blade, a card: a flat piece of four corners. Its plane is perpendicular to the blade's vector
-//! area ∫ n dA, and its area is that vector's length. So, from every direction from which the blade does not hide
-//! itself, the piece covers as much of the picture as the blade, and as much sunlight falls on it. Lengths are in mm.
+//! The coarsest level of a blade, a card: a flat piece of four corners. Its plane is perpendicular to the blade's
+//! vector area ∫ n dA, and its area is that vector's length. So, from every direction from which the blade does not
+//! hide itself, the piece covers as much of the picture as the blade, and as much sunlight falls on it. Lengths are in
+//! mm.
 
 use super::polygon;
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
@@ -285,7 +286,7 @@ mod tests {
         let disk = |t: DVec2| t.distance(DVec2::splat(0.5)) < 0.4;
         let piece = flat_with(&sheet, &disk).expect("a piece");
         assert!(piece.error_mm < 0.5, "{}", piece.error_mm);
-        // A mask with the blade's own outline would cut off what lies beyond it, and could not give back what is missing.
+        // A mask with the blade's own outline would cut off what lies beyond it, and not give back what is missing.
         let outline = |t: DVec2| ((t - 0.5) * 80.0 / DVec2::new(30.0, 16.0)).length() < 1.0;
         assert!(flat_with(&ellipse(|_| 0.0), &outline).is_none());
         assert!(flat_with(&ellipse(|_| 0.0), &|_| true).is_some());

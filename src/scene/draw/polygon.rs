@@ -8,8 +8,8 @@ use glam::{DVec2, DVec3};
 /// Corners of the outline that the search looks at.
 const OUTLINE: usize = 32;
 
-/// The polygon with this many corners and this area that is nearest to an outline, as far as the search finds it. `None`
-/// where no edge of the outline can be collapsed.
+/// The polygon with this many corners and this area that is nearest to an outline, as far as the search finds it.
+/// `None` where no edge of the outline can be collapsed.
 pub fn few(outline: &[DVec2], corners: usize, area: f64) -> Option<Vec<DVec2>> {
     Some(closest(collapsed(outline, corners)?, &collapsed(outline, OUTLINE)?, area))
 }
