@@ -29,6 +29,30 @@ const FRAMES: usize = 5;
 const FOV_DEG: f32 = 42.0;
 /// Number of sides from which radiance and coverage are measured.
 const SIDES: u32 = 4;
+const SCENE: &str = r#"schema = 1
+name = "far"
+exposure = 0.14
+[[leaf]]
+name = "leaf"
+mesh = "leaf.gltf"
+mesh_unit = "mm"
+uniform = { rho_d = [[0.06, 0.1, 0.03], [0.09, 0.14, 0.06]], rho_t = [0.05, 0.1, 0.02], rho_s = [0.03, 0.03, 0.03] }
+[[plant]]
+grow = "tree.toml"
+materials = { leaf = "leaf", bark = [0.11, 0.085, 0.06] }
+[sun]
+zenith_deg = 52
+azimuth_deg = 65
+irradiance = [10, 9.6, 9]
+[sky]
+radiance = [1, 1, 1]
+[[view]]
+name = "tree"
+kind = "perspective"
+eye_mm = [0, -8000, 1800]
+target_mm = [0, 0, 2500]
+fov_deg = 42
+"#;
 /// Steps of the progress bar.
 pub const PIECES: u64 = DISTANCES.len() as u64;
 
@@ -64,13 +88,7 @@ fn scene() -> Result<viewer::Scene> {
     write("tree.toml", TREE.as_bytes())?;
     write("leaf.gltf", LEAF_FILE.as_bytes())?;
     write("leaf.bin", &crate::trees::leaf_bytes())?;
-    let text = "schema = 1\nname = \"far\"\nexposure = 0.14\n[[leaf]]\nname = \"leaf\"\nmesh = \"leaf.gltf\"\nmesh_unit \
-                = \"mm\"\nuniform = { rho_d = [[0.06, 0.1, 0.03], [0.09, 0.14, 0.06]], rho_t = [0.05, 0.1, 0.02], \
-                rho_s = [0.03, 0.03, 0.03] }\n[[plant]]\ngrow = \"tree.toml\"\nmaterials = { leaf = \"leaf\", bark = [0.11, \
-                0.085, 0.06] }\n[sun]\nzenith_deg = 52\nazimuth_deg = 65\nirradiance = [10, 9.6, 9]\n[sky]\nradiance = \
-                [1, 1, 1]\n[[view]]\nname = \"tree\"\nkind = \"perspective\"\neye_mm = [0, -8000, 1800]\ntarget_mm = \
-                [0, 0, 2500]\nfov_deg = 42\n";
-    write("scene.toml", text.as_bytes())?;
+    write("scene.toml", SCENE.as_bytes())?;
     let ledger = Ledger::new();
     let mut opened = Scene::open(Manifest::read(&folder.path().join("scene.toml"))?, Search::default(), &ledger)?;
     opened.placed.leaves.iter_mut().for_each(|leaf| leaf.mesh = Some(blade(1.0)));

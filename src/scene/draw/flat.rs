@@ -302,7 +302,7 @@ mod tests {
             let outer: Vec<u32> = (1 + 5 * 48..hollow.positions.len() as u32).collect();
             move |k| outer.contains(k)
         });
-        assert!(hollow.indices.len() % 3 == 0);
+        assert!(hollow.indices.len().is_multiple_of(3));
         assert!(flat(&hollow, &rings(&hollow).unwrap(), None).is_none());
     }
 }
