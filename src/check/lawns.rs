@@ -121,8 +121,7 @@ impl Lawn {
                 sides: viewer::Sides::of(side),
                 mask: None,
             };
-            let details = handover::details(&blade.mesh);
-            out.add(viewer::Mesh { details, ..handover::viewer_mesh(&blade.mesh) }, viewer::Material::Leaf(leaf))
+            out.add(handover::with_details(&blade.mesh, Some(&leaf), true), viewer::Material::Leaf(leaf))
         };
         let shapes: Vec<viewer::Instance> = lawn.plant.blades.iter().map(of_shape).collect();
         for place in lawn.places() {

@@ -13,6 +13,7 @@ mod card;
 pub mod consistency;
 mod cost;
 pub mod day;
+pub mod far;
 pub mod golden;
 pub mod interiors;
 pub mod kept;

@@ -25,7 +25,7 @@ const LEAF: [[f32; 8]; 4] = [
     [62.0, 18.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0],
     [0.0, 18.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
 ];
-const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+pub(crate) const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
     "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3}]}],
     "buffers": [{"uri": "leaf.bin", "byteLength": 140}],
     "bufferViews": [{"buffer": 0, "byteLength": 128, "byteStride": 32},
@@ -35,7 +35,7 @@ const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [
         {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 4, "type": "VEC3"},
         {"bufferView": 0, "byteOffset": 24, "componentType": 5126, "count": 4, "type": "VEC2"},
         {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}]}"#;
-const TREE: &str = include_str!("../../data/plants/wych-elm.toml");
+pub(crate) const TREE: &str = include_str!("../../data/plants/wych-elm.toml");
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [800, 600];
 /// Frames of which the median counts, after one that is not counted, and the time between two of them (s).
@@ -61,15 +61,20 @@ const WAYS: [Way; 4] = [
     Way { name: "4 trees", trees: 4, lit: true, simplified: false, printed: [49.0, 32.0, 5.4] },
 ];
 
+/// The buffer of [`LEAF_FILE`].
+pub(crate) fn leaf_bytes() -> Vec<u8> {
+    let corners = LEAF.as_flattened().iter().flat_map(|v| v.to_le_bytes());
+    let triangles = [0u16, 1, 2, 0, 2, 3].into_iter().flat_map(u16::to_le_bytes);
+    corners.chain(triangles).collect()
+}
+
 /// A scene with these trees in a wind, and its camera.
 fn scene(way: &Way) -> Result<(viewer::Scene, viewer::Camera)> {
     let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a tree: {e}")))?;
     let write = |name: &str, bytes: &[u8]| mesophyll_files::atomic::write_bytes(&folder.path().join(name), bytes);
     write("tree.toml", TREE.as_bytes())?;
     write("leaf.gltf", LEAF_FILE.as_bytes())?;
-    let corners = LEAF.as_flattened().iter().flat_map(|v| v.to_le_bytes());
-    let triangles = [0u16, 1, 2, 0, 2, 3].into_iter().flat_map(u16::to_le_bytes);
-    write("leaf.bin", &corners.chain(triangles).collect::<Vec<u8>>())?;
+    write("leaf.bin", &leaf_bytes())?;
     let plant = |k: usize| {
         let [x, y] = [(k % 2) as f64, (k / 2) as f64].map(|v| 5500.0 * v);
         format!(

@@ -3,10 +3,10 @@
 use crate::Result;
 use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::grass;
+use mesophyll_proof::{grass, render};
 
 #[cfg(feature = "render")]
-use mesophyll_check::{lawns as drawn_lawns, trees as drawn_trees};
+use mesophyll_check::{far as drawn_far, lawns as drawn_lawns, trees as drawn_trees};
 
 /// Nothing that draws: no steps and no rows.
 #[cfg(not(feature = "render"))]
@@ -14,11 +14,14 @@ mod nothing {
     pub const PIECES: u64 = 0;
 }
 #[cfg(not(feature = "render"))]
+use nothing as drawn_far;
+#[cfg(not(feature = "render"))]
 use nothing as drawn_lawns;
 #[cfg(not(feature = "render"))]
 use nothing as drawn_trees;
 
-/// Steps of the progress bar for lawns and for trees.
+/// Steps of the progress bar for light among leaves, lawns and trees.
+pub const FOLIAGE: u64 = 1 + drawn_far::PIECES;
 pub const LAWNS: u64 = grass::bench::PIECES + drawn_lawns::PIECES;
 pub const TREES: u64 = drawn_trees::PIECES;
 
@@ -32,6 +35,16 @@ fn rows_of(model: &str, rows: Vec<mesophyll_check::Row>) -> impl Iterator<Item =
         us: row.us,
         note: row.note,
     })
+}
+
+/// Rays among leaves, and a drawn plant from near to far.
+pub fn foliage(bar: &Bar) -> Result<Vec<BenchRow>> {
+    #[allow(unused_mut)]
+    let mut rows = render::bench::bench_rows()?;
+    bar.step()?;
+    #[cfg(feature = "render")]
+    rows.extend(rows_of("render", drawn_far::rows(bar)?));
+    Ok(rows)
 }
 
 /// Slices beside the blades that they stand for, and drawn lawns.

@@ -193,8 +193,10 @@ pub const MODELS: [Model; 24] = [
     Model {
         name: "render",
         bench: Some(Sweep {
+            steps: drawn::FOLIAGE,
+            rows: drawn::foliage,
+            pictures: None,
             peers: Some((include_str!("../../tests/peers/render_peers.py"), render::bench::peers)),
-            ..sweep!(render::bench::bench_rows)
         }),
         ..NONE
     },

@@ -1,8 +1,10 @@
 //! Coarser triangulations of a blade for views from afar. They have a thinned outline and, inside it, vertices by
 //! greedy insertion (Garland & Heckbert 1995, "Fast polygonal approximation of terrains and height fields"), until the
 //! vertices that are left out are within a distance and an angle. Levels share the mesh's vertices. So each costs only
-//! a list of indices, and its normals are the mesh's own. Lengths are in mm.
+//! a list of indices, and its normals are the mesh's own. The coarsest is a card with vertices of its own (`flat`).
+//! Lengths are in mm.
 
+use super::flat;
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit::leaf::blade::outline::simplify;
@@ -61,6 +63,27 @@ pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
     out
 }
 
+/// As [`levels`], with a card as the coarsest lit level and for shadow maps, where a card can stand for the blade. The
+/// vertices of the card are to be appended to the mesh's. `shown` as in [`flat::flat`].
+pub fn levels_with_card(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>) -> (Vec<Detail>, LeafMesh) {
+    let mut out = levels(mesh);
+    let lit = out.iter().filter(|d| !d.outline_only).count();
+    let before = lit.checked_sub(1).map_or(mesh.triangles(), |k| out[k].indices.len() / 3);
+    let found = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)).and_then(|r| flat::flat(mesh, &r, shown));
+    let Some(card) = found.filter(|c| c.piece.triangles() < (WORTH * before as f64) as usize) else {
+        return (out, LeafMesh::default());
+    };
+    let first = mesh.positions.len() as u32;
+    let indices: Vec<u32> = card.piece.indices.iter().map(|k| first + k).collect();
+    let level = Detail { indices, error_mm: card.error_mm, outline_only: false };
+    // Shadow maps take the last level that is near enough to the mesh.
+    if lit < out.len() {
+        out.push(Detail { outline_only: true, ..level.clone() });
+    }
+    out.insert(lit, level);
+    (out, card.piece)
+}
+
 /// Whether every facet faces the front, so that x and y determine a place on the blade.
 fn upright(mesh: &LeafMesh) -> bool {
     let flat = |k: usize| mesh.positions[k].truncate();
@@ -72,7 +95,7 @@ fn upright(mesh: &LeafMesh) -> bool {
 
 /// The boundary as closed rings of vertices; `None` where three edges meet at a boundary vertex, or where a ring stays
 /// open.
-fn rings(mesh: &LeafMesh) -> Option<Vec<Vec<u32>>> {
+pub(super) fn rings(mesh: &LeafMesh) -> Option<Vec<Vec<u32>>> {
     let mut edges = BTreeSet::new();
     for t in mesh.indices.chunks_exact(3) {
         edges.extend([(t[0], t[1]), (t[1], t[2]), (t[2], t[0])]);
@@ -211,7 +234,7 @@ fn gap(mesh: &LeafMesh, cdt: &Mesh2, k: u32) -> Option<([u32; 3], f64, f64)> {
 }
 
 /// The even–odd rule over all rings.
-fn inside(rings: &[Vec<DVec2>], p: DVec2) -> bool {
+pub(super) fn inside(rings: &[Vec<DVec2>], p: DVec2) -> bool {
     let crossed = |ring: &Vec<DVec2>| {
         (0..ring.len())
             .filter(|&k| {

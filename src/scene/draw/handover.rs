@@ -5,12 +5,12 @@
 use super::card::Card;
 use super::leaf_maps;
 use super::sections::{Barks, plants};
-use super::{between, detail, grass};
+use super::{between, detail, grass, tubes};
 use crate::loaded::Scene;
 use crate::loaded::curve::curve;
 use crate::plan::levels;
 use crate::{Error, Result};
-use glam::{DMat4, Vec2, Vec3, Vec4};
+use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
 use mesophyll_bundle::slab_curve;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_manifest::View;
@@ -55,16 +55,28 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     // A coarse triangle would blur the shadows that are stored at its corners.
     for leaf in placed.leaves.iter().filter(|_| finer.is_none()) {
-        let (Some(mesh), Some(viewer::Instance { mesh: at, .. })) = (&leaf.mesh, index[leaf.index]) else { continue };
+        let (Some(mesh), Some(viewer::Instance { mesh: at, material, .. })) = (&leaf.mesh, index[leaf.index]) else {
+            continue;
+        };
         let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
         if drawn > MANY_TRIANGLES {
             let what = format!("{}: levels of detail", out.materials[at].name());
-            out.meshes[at].details = ledger.note("make", what, 0, || details(mesh));
+            // The corners of a card have no place among the anchors of light between leaves.
+            let card = scene.transfer.is_none();
+            out.meshes[at] = ledger.note("make", what, 0, || with_details(mesh, out.leaf(material), card));
         }
     }
+    let leaves: usize = out.instances.iter().map(|i| out.meshes[i.mesh].indices.len() / 3).sum();
+    let all_wood: usize = placed.wood.iter().map(|w| w.mesh.triangles() * w.places.len()).sum();
     let mut barks = Barks::default();
     for wood in &placed.wood {
-        let drawn = out.add(shown(out.meshes.len(), &wood.mesh), barked(&wood.name, wood.bark));
+        let mut mesh = shown(out.meshes.len(), &wood.mesh);
+        // Bark that moves has a section for each vertex.
+        if leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() && wood.bark_moves.is_none() {
+            let (levels, more) = tubes::levels(&wood.mesh);
+            append(&mut mesh, levels, &more);
+        }
+        let drawn = out.add(mesh, barked(&wood.name, wood.bark));
         let carried = wood.bark_moves.as_ref().map(|bark| barks.carried(bark));
         let places = wood.places.iter();
         out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), carried, ..drawn }));
@@ -110,14 +122,34 @@ pub fn shown(of: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
 }
 
-/// The levels of detail of a blade.
-pub fn details(mesh: &LeafMesh) -> Vec<viewer::Detail> {
-    let detail = |level: detail::Detail| viewer::Detail {
+/// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest is a card where one can
+/// stand for the blade; the mesh then has vertices of its own for it, after the blade's.
+pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::Leaf>, card: bool) -> viewer::Mesh {
+    let mut out = viewer_mesh(mesh);
+    let cut = leaf.and_then(|l| Some((l.mask.as_ref()?, [l.width, l.height])));
+    let shown = cut.map(|(mask, [width, height])| {
+        let texel = |t: f64, n: u32| (t * f64::from(n)).clamp(0.0, f64::from(n) - 1.0) as usize;
+        move |t: DVec2| mask.get(texel(t.y, height) * width as usize + texel(t.x, width)).is_some_and(|m| *m != 0)
+    });
+    let shown = shown.as_ref().map(|f| f as &dyn Fn(DVec2) -> bool);
+    let (levels, piece) =
+        if card { detail::levels_with_card(mesh, shown) } else { (detail::levels(mesh), LeafMesh::default()) };
+    append(&mut out, levels, &piece);
+    out
+}
+
+/// Gives a mesh levels of detail, and the vertices that only these have.
+fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::Detail>, vertices: &LeafMesh) {
+    let more = viewer_mesh(vertices);
+    mesh.positions.extend(more.positions);
+    mesh.normals.extend(more.normals);
+    mesh.tangents.extend(more.tangents);
+    mesh.uvs.extend(more.uvs);
+    mesh.details.extend(levels.into_iter().map(|level| viewer::Detail {
         indices: level.indices,
         error: level.error_mm as f32,
         outline_only: level.outline_only,
-    };
-    detail::levels(mesh).into_iter().map(detail).collect()
+    }));
 }
 
 /// Whether the ground lies below everything else in the scene.
@@ -128,9 +160,13 @@ fn below_all(placed: &Placed) -> bool {
         let above = |place: &DMat4| w.mesh.positions.iter().all(|v| place.transform_point3(*v).z >= height);
         w.places.iter().all(above)
     };
+    let balls: Vec<Option<(DVec3, f64)>> =
+        placed.leaves.iter().map(|l| l.mesh.as_ref().map(LeafMesh::bounds)).collect();
     let leaf = |p: &Placement| {
-        let mesh = placed.leaves[p.leaf].mesh.as_ref()?;
-        Some(mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
+        let (mesh, (centre, radius)) = (placed.leaves[p.leaf].mesh.as_ref()?, balls[p.leaf]?);
+        let low = p.transform.transform_point3(centre).z - radius * p.transform.x_axis.truncate().length();
+        // Of most leaves the ball is above the ground, so that no vertex is looked at.
+        Some(low >= height || mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
     };
     placed.wood.iter().all(stands) && placed.placements.iter().filter_map(leaf).all(|b| b)
 }

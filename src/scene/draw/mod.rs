@@ -4,11 +4,13 @@
 pub mod between;
 pub mod card;
 pub mod detail;
+pub mod flat;
 pub mod grass;
 #[cfg(feature = "render")]
 pub mod handover;
 #[cfg(feature = "render")]
 pub mod leaf_maps;
+pub mod polygon;
 #[cfg(feature = "render")]
 pub mod poses;
 pub mod reference;
@@ -22,3 +24,4 @@ pub mod sunlit;
 pub mod true_leaf;
 #[cfg(feature = "render")]
 pub mod truth;
+pub mod tubes;

@@ -11,6 +11,7 @@ use mesophyll_optics::side::Side;
 use mesophyll_placed::daylight::{self, Daylight};
 use mesophyll_placed::fits::reads;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// The largest contribution of gloss to a displayed value; infinite where camera, sun or sliders are free.
 pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
@@ -23,20 +24,19 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
     if !leaf.placed.facing.lit[s] {
         lights.suns.clear();
     }
-    let places: Vec<(DMat4, Vec<DVec3>)> = placed
-        .placements
-        .iter()
-        .filter(|p| p.leaf == leaf.placed.index)
-        .flat_map(|p| {
-            let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-            let seen = views.filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v))));
-            if p.section.is_none() || !placed.moves().plants() {
-                vec![(p.transform, seen.map(|(eye, _)| eye).collect())]
-            } else {
-                seen.map(|(eye, time)| (placed.at_time(p, time).transform, vec![eye])).collect()
-            }
-        })
-        .collect();
+    let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+    let seen: Vec<(DVec3, f64)> = views.filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v)))).collect();
+    let eyes: Arc<[DVec3]> = seen.iter().map(|(eye, _)| *eye).collect();
+    let own = placed.placements.iter().filter(|p| p.leaf == leaf.placed.index);
+    let places: Vec<(DMat4, Arc<[DVec3]>)> = match placed.moves().plants() {
+        false => own.map(|p| (p.transform, eyes.clone())).collect(),
+        true => own
+            .flat_map(|p| match p.section {
+                None => vec![(p.transform, eyes.clone())],
+                Some(_) => seen.iter().map(|s| (placed.at_time(p, s.1).transform, Arc::from([s.0]))).collect(),
+            })
+            .collect(),
+    };
     let h = fitted.thickness(Side::ALL[s])?;
     let rho_d: Option<Vec<[f32; 3]>> =
         leaf.loaded.textures[s].gamma_delta.as_ref().zip(leaf.loaded.curves[s].as_ref()).map(|(texels, curve)| {

@@ -156,16 +156,20 @@ impl Maps<'_> {
 /// ends as soon as it has found more than `enough`.
 ///
 /// `places` are the leaf's transforms, each with the eyes that see it there.
-pub fn most(
+pub fn most<Eyes: AsRef<[DVec3]> + Sync>(
     lobe: Lobe,
     mesh: &LeafMesh,
     back: bool,
     patches: &[Patch],
-    places: &[(DMat4, Vec<DVec3>)],
+    places: &[(DMat4, Eyes)],
     lights: &Lights,
     enough: f64,
 ) -> f64 {
-    let one = |most: f64, (transform, eyes): &(DMat4, Vec<DVec3>)| -> f64 {
+    let one = |most: f64, (transform, eyes): &(DMat4, Eyes)| -> f64 {
+        // Of a forest's leaves, nothing more is asked than what decides.
+        if most > enough {
+            return most;
+        }
         let turn = DMat3::from_mat4(*transform).inverse().transpose();
         let out = if back { -1.0 } else { 1.0 };
         let positions: Vec<DVec3> = mesh.positions.iter().map(|p| transform.transform_point3(*p)).collect();
@@ -174,7 +178,7 @@ pub fn most(
         for (t, patch) in patches.iter().enumerate().filter(|(_, p)| p.rho_s.iter().any(|v| *v > 0.0)) {
             let corner = mesh.triangle(t);
             let (normal, normal_by) = spread(corner.map(|k| normals[k]));
-            for eye in eyes {
+            for eye in eyes.as_ref() {
                 if most > enough {
                     return most;
                 }
