@@ -1,7 +1,7 @@
 //! Chooses which of many leaves and plants a picture needs. Nothing outside the view is drawn. Of leaves smaller than a
 //! few pixels, fewer but larger ones are drawn, so that they cover the same area (Cook, Halstead, Planck & Ryu 2007,
-//! "Stochastic simplification of aggregate detail"); so it is in shadow maps with leaves smaller than a few texels. Where
-//! the adapter does not choose (`passes/choose.rs`), the CPU does, for each picture and each instance.
+//! "Stochastic simplification of aggregate detail"); so it is in shadow maps with leaves smaller than a few texels.
+//! Where the adapter does not choose (`passes/choose.rs`), the CPU does, for each picture and each instance.
 
 use crate::scene::Camera;
 use glam::Vec3;

@@ -15,8 +15,8 @@ struct Plan {
     // x, y: how far beyond the picture's sides a ball of radius 1 is seen. z: error of the level in shadow maps (mm).
     // w: largest error in the picture (pixels).
     reach: vec4f,
-    // Number of instances, of work groups, and of levels. w: 1 where instances may be left out at a distance, and 2 more
-    // where there are levels for shadow maps.
+    // Number of instances, of work groups, and of levels. w: 1 where instances may be left out at a distance, and 2
+    // more where there are levels besides the mesh, for pictures or for shadow maps.
     numbers: vec4u,
     // x: largest distance of a level from the mesh (bits). y, z: first index and number of indices.
     levels: array<vec4u, LEVELS>,

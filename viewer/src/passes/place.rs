@@ -1,6 +1,7 @@
 //! Moves whole instances once for each picture, instead of each of their vertices in each pass: see `place.wgsl`. The
 //! passes that draw then need not know the sections.
 
+use crate::geometry::Batch;
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass};
 use crate::scene::{Instance, Scene};
@@ -79,6 +80,12 @@ impl PlacePass {
             cache: None,
         });
         PlacePass { pipeline, layout }
+    }
+
+    /// Moves all instances of all batches that move as wholes.
+    pub(crate) fn all(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, batches: &mut [Batch], bend: &BendPass) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        batches.iter_mut().for_each(|batch| batch.place(gpu, &mut pass, self, bend));
     }
 
     /// Moves `count` instances, which have these rows and these rides.

@@ -159,13 +159,17 @@ impl Renderer {
             Some(MaterialOnGpu::new(gpu, i, material, variant, samplers, &mut self.tables, None, &mut stats))
         };
         let materials: Vec<Option<MaterialOnGpu>> = scene.materials.iter().enumerate().map(material).collect();
-        let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let extents = Extents::new(scene);
         let now = extents.at(scene.wind.as_ref());
         let casters = now.casters;
         let bend = BendPass::posed(&self.gpu, scene, now.sections, &mut stats);
         let whole = bend.as_ref().filter(|_| batches.iter().any(Batch::moves_whole));
         let place = whole.map(|bend| PlacePass::new(&self.gpu, bend, &mut stats));
+        if let (Some(place), Some(bend)) = (&place, &bend) {
+            // Makes the buffers while a lack of memory is still noticed.
+            place.all(&self.gpu, &mut self.gpu.device.create_command_encoder(&Default::default()), &mut batches, bend);
+        }
+        let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
@@ -271,8 +275,7 @@ impl Renderer {
             });
         }
         if let (Some(place), Some(bend)) = (&loaded.place, &loaded.bend) {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            loaded.batches.iter_mut().for_each(|batch| batch.place(&self.gpu, &mut pass, place, bend));
+            place.all(&self.gpu, encoder, &mut loaded.batches, bend);
         }
         if let Some(choose) = &loaded.choose {
             choose.record(&self.gpu, encoder, &mut loaded.batches, &seen, loaded.shadow_texel, apart);
