@@ -132,3 +132,18 @@ fn begin_of(binding: u32, buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindGroupE
         resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size }),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With WebGPU's smallest limits, 128 MiB of rows are the most; with larger buffers, the number of work groups.
+    #[test]
+    fn too_many_instances_are_left_to_the_cpu() {
+        let limits = wgpu::Limits::default();
+        let most = (limits.max_storage_buffer_binding_size / 48) as usize;
+        assert!(most > 2_700_000 && within(&limits, most) && !within(&limits, most + 1));
+        let large = wgpu::Limits { max_storage_buffer_binding_size: u64::MAX, ..limits };
+        assert!(within(&large, 256 * 65_535) && !within(&large, 256 * 65_535 + 1));
+    }
+}
