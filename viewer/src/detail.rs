@@ -10,7 +10,7 @@ use glam::Vec3;
 use std::ops::Range;
 
 /// Largest error of a level in a picture (pixels), and in a shadow map (texels).
-const PIXELS: f32 = 0.5;
+pub(crate) const PIXELS: f32 = 0.5;
 const TEXELS: f32 = 0.25;
 /// The same for what moves, whose shadow maps are drawn for each picture. It is as much as the maps' filter blurs.
 const TEXELS_MOVING: f32 = 1.0;
@@ -21,6 +21,8 @@ pub(crate) struct Levels {
     levels: Vec<(Range<u32>, f32)>,
     /// Number of levels that may be lit. The others are for shadow maps.
     lit: usize,
+    /// A ball around the mesh.
+    ball: (Vec3, f32),
     /// A ball around each instance at rest: centre, radius, and the instance's scale.
     spheres: Vec<(Vec3, f32, f32)>,
     rows: Vec<[[f32; 4]; 3]>,
@@ -84,8 +86,8 @@ impl Levels {
         let outlines = mesh.details.iter().filter(|d| d.outline_only && !in_full).count();
         let (mut spheres, mut kept_rows, mut rides, mut begins) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let many = instances.len() > 1;
+        let (centre, radius) = crate::geometry::ball(&mesh.positions);
         if levels.len() > 1 || many {
-            let (centre, radius) = crate::geometry::ball(&mesh.positions);
             for instance in instances {
                 let scale = instance.transform.x_axis.truncate().length();
                 spheres.push((instance.transform.transform_point3(centre), radius * scale, scale));
@@ -98,6 +100,7 @@ impl Levels {
         Levels {
             lit: levels.len() - outlines,
             levels,
+            ball: (centre, radius),
             spheres,
             rows: kept_rows,
             rides,
@@ -116,6 +119,26 @@ impl Levels {
     fn ball(&self, k: usize, size: f32) -> (Vec3, f32) {
         let (centre, radius, _) = self.spheres[k];
         larger(Vec3::from(self.rows[k].map(|row| row[3])), (centre, radius), size)
+    }
+
+    /// The levels that may be lit: range of indices, and largest distance from the mesh.
+    pub(crate) fn lit(&self) -> &[(Range<u32>, f32)] {
+        &self.levels[..self.lit]
+    }
+
+    /// Whether there are levels besides the mesh itself, for pictures or for shadow maps.
+    pub(crate) fn several(&self) -> bool {
+        self.levels.len() > 1
+    }
+
+    /// Centre and radius of a ball around the mesh.
+    pub(crate) fn around(&self) -> (Vec3, f32) {
+        self.ball
+    }
+
+    /// The rank of each instance; none where all are drawn at any distance.
+    pub(crate) fn ranks(&self) -> &[f32] {
+        &self.ranks
     }
 
     /// The draws of the main pass: ranges of indices and of instances.
@@ -158,7 +181,11 @@ impl Levels {
         let rides: Vec<[f32; 2]> = kept.iter().map(|k| self.rides[*k]).collect();
         let put = |label: &str, bytes: &[u8]| {
             // No buffer is empty.
-            gpu.buffer(label, if bytes.is_empty() { &[0; 48] } else { bytes }, wgpu::BufferUsages::VERTEX)
+            gpu.buffer(
+                label,
+                if bytes.is_empty() { &[0; 48] } else { bytes },
+                wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE,
+            )
         };
         self.thinned = Some(Thinned {
             texel,
@@ -186,6 +213,11 @@ impl Levels {
             .map(|((level, s), size)| self.levels[*level as usize].1 * s.2 * size)
             .fold(0.0, f32::max);
         drawn + self.in_maps(texel).1
+    }
+
+    /// The part of [`Levels::apart`] that the level in shadow maps has.
+    pub(crate) fn apart_in_maps(&self, texel: f32) -> f32 {
+        if self.several() { self.in_maps(texel).1 } else { 0.0 }
     }
 
     /// The instances as the main pass draws them, if any of them is enlarged.
@@ -239,6 +271,30 @@ impl Levels {
         self.enlarge(gpu, &order);
     }
 
+    /// Writes the instances in their own order, all in full detail.
+    pub(crate) fn put_back(
+        &mut self,
+        gpu: &Gpu,
+        instances: &wgpu::Buffer,
+        rides: Option<&wgpu::Buffer>,
+        begins: Option<&wgpu::Buffer>,
+    ) {
+        let order: Vec<usize> = (0..self.rows.len()).collect();
+        rewrite(gpu, Some(instances), &self.rows, &order);
+        rewrite(gpu, rides, &self.rides, &order);
+        rewrite(gpu, begins, &self.begins, &order);
+        self.chosen.fill(0);
+        self.sizes.fill(1.0);
+        (self.enlarged, self.runs) = (None, vec![(0, 0..self.chosen.len() as u32)]);
+    }
+
+    /// The level and the rows of each instance that is drawn, as the CPU has chosen, in the order of the draws.
+    pub(crate) fn drawn(&self) -> Vec<(usize, [[f32; 4]; 3])> {
+        let mut order: Vec<usize> = (0..self.rows.len()).filter(|k| self.sizes[*k] > 0.0).collect();
+        order.sort_by_key(|k| self.chosen[*k]);
+        order.iter().map(|k| (usize::from(self.chosen[*k]), larger_rows(&self.rows[*k], self.sizes[*k]))).collect()
+    }
+
     /// Writes the instances at the size at which they are drawn, if any is enlarged.
     fn enlarge(&mut self, gpu: &Gpu, order: &[usize]) {
         if self.sizes.iter().all(|s| *s == 0.0 || *s == 1.0) {
@@ -250,7 +306,8 @@ impl Levels {
         match &self.enlarged {
             Some(buffer) => gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&rows)),
             None => {
-                let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST;
+                use wgpu::BufferUsages as Use;
+                let usage = Use::VERTEX | Use::STORAGE | Use::COPY_DST;
                 self.enlarged = Some(gpu.buffer("enlarged instances", bytemuck::cast_slice(&rows), usage));
             }
         }

@@ -5,9 +5,13 @@
 use crate::bend::Moved;
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
+use crate::passes::bend::BendPass;
+use crate::passes::choose::Choice;
+use crate::passes::place::{PlacePass, Placed};
 use crate::passes::{bend, pose};
 use crate::scene::{Carried, Instance, Mesh, Poses, Scene, Section, Sections, Wind};
 use crate::stats::Stats;
+use crate::thin::Seen;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3};
 use std::collections::BTreeMap;
@@ -70,6 +74,10 @@ pub(crate) struct Batch {
     pub casts: bool,
     /// The section that carries each instance, where any is carried.
     pub rides: Option<wgpu::Buffer>,
+    /// The instances as they have moved, where each moves as a whole.
+    pub placed: Placed,
+    /// What the adapter chooses of them, where it does.
+    pub choice: Option<Choice>,
     /// The first row of arriving light and the first share of the sun of each instance, where either is read.
     pub begins: Option<wgpu::Buffer>,
 }
@@ -87,7 +95,7 @@ impl Batch {
             let rides: Vec<[f32; 2]> = instances.iter().map(bend::ride).collect();
             let begins: Vec<[u32; 2]> = instances.iter().map(detail::begin).collect();
             let mut put = |name: &str, bytes: &[u8]| {
-                put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::COPY_DST, stats)
+                put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::STORAGE | Use::COPY_DST, stats)
             };
             Some(Batch {
                 mesh,
@@ -96,12 +104,70 @@ impl Batch {
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),
-                rides: variant.bend.then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: bend::needs(scene, &instances).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                placed: Placed::default(),
+                choice: None,
                 begins: variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins))),
                 variant,
             })
         };
         together.into_iter().filter_map(batch).collect()
+    }
+
+    /// Whether each instance moves as a whole, or not at all, and some move.
+    pub(crate) fn moves_whole(&self) -> bool {
+        self.rides.is_some() && !self.variant.bend
+    }
+
+    /// Moves the instances, if they move as wholes.
+    pub(crate) fn place(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, place: &PlacePass, bend: &BendPass) {
+        let Some(rides) = self.rides.as_ref().filter(|_| !self.variant.bend) else { return };
+        place.record(gpu, pass, bend, (&self.instances, rides, self.count), &mut self.placed.all);
+        match self.levels.enlarged() {
+            Some(rows) => place.record(gpu, pass, bend, (rows, rides, self.count), &mut self.placed.enlarged),
+            None => self.placed.enlarged = None,
+        }
+        match self.levels.thinned() {
+            Some(few) => {
+                place.record(gpu, pass, bend, (&few.instances, &few.rides, few.count), &mut self.placed.thinned);
+            }
+            None => self.placed.thinned = None,
+        }
+    }
+
+    /// The rows of the instances for the main pass.
+    pub(crate) fn shown(&self) -> &wgpu::Buffer {
+        if let Some(choice) = &self.choice {
+            return &choice.rows;
+        }
+        let placed = self.placed.enlarged.as_ref().or(self.placed.all.as_ref());
+        placed.or(self.levels.enlarged()).unwrap_or(&self.instances)
+    }
+
+    /// Their first rows of arriving light and first shares of the sun.
+    pub(crate) fn shown_begins(&self) -> Option<&wgpu::Buffer> {
+        self.choice.as_ref().map_or(self.begins.as_ref(), |choice| choice.begins.as_ref())
+    }
+
+    /// Chooses on the CPU what a picture shows.
+    pub(crate) fn arrange(&mut self, gpu: &Gpu, seen: &Seen) {
+        self.levels.arrange(gpu, seen, &self.instances, self.rides.as_ref(), self.begins.as_ref());
+    }
+
+    /// Takes the instances back to their own order, if the adapter chooses from it.
+    pub(crate) fn put_back(&mut self, gpu: &Gpu) {
+        if self.choice.is_some() {
+            self.levels.put_back(gpu, &self.instances, self.rides.as_ref(), self.begins.as_ref());
+        }
+    }
+
+    /// The rows of the instances for shadow maps, the sections that carry them where these are read, and their number.
+    pub(crate) fn casting(&self) -> (&wgpu::Buffer, Option<&wgpu::Buffer>, u32) {
+        let (placed, bends) = (&self.placed, self.variant.bend);
+        match self.levels.thinned() {
+            Some(few) => (placed.thinned.as_ref().unwrap_or(&few.instances), bends.then_some(&few.rides), few.count),
+            None => (placed.all.as_ref().unwrap_or(&self.instances), self.rides.as_ref().filter(|_| bends), self.count),
+        }
     }
 }
 

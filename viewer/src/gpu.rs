@@ -11,6 +11,9 @@ pub struct Options {
     pub backend: Backend,
     /// Keeps every map and target at 16 bits, as adapters without 32-bit filtering do.
     pub half_only: bool,
+    /// Moves each vertex where it is drawn, even of what moves as a whole, and chooses on the CPU what a picture shows,
+    /// as adapters without indirect draws do.
+    pub plain: bool,
 }
 
 /// A graphics interface.
@@ -55,6 +58,10 @@ pub struct Gpu {
     /// Format of the radiance target without multisampling.
     pub(crate) hdr_format: wgpu::TextureFormat,
     pub(crate) timestamps: bool,
+    /// Whether instances that move as wholes are moved by compute passes.
+    pub(crate) places: bool,
+    /// Whether the adapter chooses what a picture shows.
+    pub(crate) chooses: bool,
 }
 
 /// Format of the radiance target with multisampling: the widest that every adapter resolves.
@@ -106,7 +113,7 @@ impl Gpu {
             driver: format!("{} {}", raw.driver, raw.driver_info).trim().to_string(),
             name: raw.name,
         };
-        let wanted = Features::FLOAT32_FILTERABLE | Features::TIMESTAMP_QUERY;
+        let wanted = Features::FLOAT32_FILTERABLE | Features::TIMESTAMP_QUERY | Features::INDIRECT_FIRST_INSTANCE;
         let features = adapter.features() & wanted;
         let offered = adapter.limits();
         let mut limits = Limits::default().using_resolution(offered.clone());
@@ -134,6 +141,10 @@ impl Gpu {
             map_format: pick(filterable),
             hdr_format: pick(renderable),
             timestamps: features.contains(Features::TIMESTAMP_QUERY),
+            places: !options.plain,
+            chooses: !options.plain
+                && features.contains(Features::INDIRECT_FIRST_INSTANCE)
+                && raw.backend != wgpu::Backend::Gl,
             adapter,
             device,
             queue,

@@ -18,7 +18,8 @@ pub struct Stats {
     pub uploads: Vec<Upload>,
     /// Draw calls since the renderer was made.
     pub draws: u64,
-    /// Triangles of leaves and wood in the last picture. Every instance counts.
+    /// Triangles of leaves and wood in the last picture. Every instance counts. In a browser, those that the adapter
+    /// chooses are missing, because they are only known after waiting for it.
     pub triangles: u64,
     /// Triangles in each shadow map that was drawn last. Every instance counts.
     pub shadow_triangles: u64,

@@ -1,18 +1,18 @@
 //! Chooses which of many leaves and plants a picture needs. Nothing outside the view is drawn. Of leaves smaller than a
 //! few pixels, fewer but larger ones are drawn, so that they cover the same area (Cook, Halstead, Planck & Ryu 2007,
-//! "Stochastic simplification of aggregate detail"); so it is in shadow maps with leaves smaller than a few texels. The
-//! CPU chooses for each picture and each instance.
+//! "Stochastic simplification of aggregate detail"); so it is in shadow maps with leaves smaller than a few texels.
+//! Where the adapter does not choose (`passes/choose.rs`), the CPU does, for each picture and each instance.
 
 use crate::scene::Camera;
 use glam::Vec3;
 
 /// Leaves whose ball has at least this diameter in the picture (pixels) are all drawn. The ball's diameter is the
 /// leaf's longest extent.
-const WIDE: f32 = 1.5;
+pub(crate) const WIDE: f32 = 1.5;
 /// If there are fewer leaves than this of one mesh and material, all are drawn.
 pub(crate) const MANY: usize = 64;
 /// The last of the drawn leaves shrink to nothing over this share of all drawn ones, so that none vanishes suddenly.
-const FADE: f32 = 0.2;
+pub(crate) const FADE: f32 = 0.2;
 
 /// A camera, and the part of the scene that its picture shows.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +34,17 @@ impl Seen {
         let frustum = perspective
             .then(|| ([ahead, right, right.cross(ahead)], [half * width as f32 / height.max(1) as f32, half]));
         Seen { eye: camera.eye, pixel, frustum }
+    }
+
+    /// The eye with the angle of a pixel, the three directions with half sides of the picture (1 after the first with
+    /// perspective, 0 without), and how far beyond these sides a ball of radius 1 is seen.
+    pub(crate) fn in_numbers(&self) -> ([[f32; 4]; 4], [f32; 2]) {
+        let eye = self.eye.extend(self.pixel).to_array();
+        let Some(([ahead, right, up], half)) = self.frustum else {
+            return ([eye, [0.0; 4], [0.0; 4], [0.0; 4]], [0.0; 2]);
+        };
+        let axes = [ahead.extend(1.0), right.extend(half[0]), up.extend(half[1])].map(|v| v.to_array());
+        ([eye, axes[0], axes[1], axes[2]], half.map(|h| h.hypot(1.0)))
     }
 
     /// Whether any part of a ball may be in the picture.

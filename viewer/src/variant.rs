@@ -2,7 +2,7 @@
 //! variants share a pipeline.
 
 use crate::gpu::Gpu;
-use crate::passes::bend;
+use crate::passes::{bend, place};
 use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
 use crate::shader::Defines;
 use mesophyll_surface::gloss::LobeKind;
@@ -15,7 +15,7 @@ pub(crate) struct Variant {
     pub msaa: u32,
     /// Whether the mesh has levels of detail. The drawn surface may then differ from the one in the shadow maps.
     pub levels: bool,
-    /// Whether sections move the vertices of the mesh.
+    /// Whether sections move the vertices of the mesh in the vertex stage.
     pub bend: bool,
     /// Whether they turn the normals too.
     pub turn: bool,
@@ -156,7 +156,7 @@ impl Variant {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, instances: &[Instance]) -> Option<Variant> {
         let first = instances.first()?;
         let lights = Lights::of(scene);
-        let bend = bend::needs(scene, instances);
+        let bend = bend::needs(scene, instances) && !place::whole(gpu, scene, instances);
         Some(Variant {
             lights,
             surface: match &scene.materials[first.material] {

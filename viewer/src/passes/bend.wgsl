@@ -1,5 +1,5 @@
 //#if BEND
-// Moves what sections carry: the leaves and the bark of plants. A section is a rigid motion, computed on the CPU.
+// Moves what sections carry: the leaves and the bark of plants. A section is a rigid motion: see `pose.wgsl`.
 // `bend.rs` does the same as this file on the CPU. Sections may be stored for more than one time, one time after the
 // other. Time 0 is the time that is drawn.
 

@@ -343,15 +343,19 @@ impl MainPass {
                 Some(&mesh.normals),
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
-                Some(batch.levels.enlarged().unwrap_or(&batch.instances)),
+                Some(batch.shown()),
                 batch.rides.as_ref().filter(|_| variant.bend),
-                batch.begins.as_ref().filter(|_| variant.begins()),
+                batch.shown_begins().filter(|_| variant.begins()),
                 mesh.places.as_ref().filter(|_| variant.anchored.is_some()),
             ];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }
             pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+            if let Some(choice) = &batch.choice {
+                stats.draws += choice.draw(&mut pass);
+                continue;
+            }
             for (indices, instances) in batch.levels.runs() {
                 pass.draw_indexed(indices, 0, instances);
                 stats.draws += 1;

@@ -7,12 +7,14 @@
 pub(crate) mod backdrop;
 pub(crate) mod bend;
 pub(crate) mod bloom;
+pub(crate) mod choose;
 pub(crate) mod fit;
 pub(crate) mod fullscreen;
 pub(crate) mod gathered;
 pub(crate) mod grass;
 pub(crate) mod main;
 pub(crate) mod motion;
+pub(crate) mod place;
 pub(crate) mod pose;
 pub(crate) mod shadow;
 pub(crate) mod sky;

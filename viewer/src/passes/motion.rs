@@ -10,7 +10,6 @@ use crate::passes::shadow::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, Sections, Wind};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
-use crate::variant::Variant;
 use std::collections::HashMap;
 
 /// The two cameras for the shader.
@@ -59,9 +58,9 @@ impl MotionPass {
         let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
         let sections = scene.sections.as_ref().map_or(0, |s| s.count);
         for (batch, _, material) in drawn.iter() {
-            let (masked, bends) = (material.mask().is_some(), batch.variant.bend);
+            let (masked, bends) = (material.mask().is_some(), batch.rides.is_some());
             if !pass.pipelines.contains_key(&(masked, bends)) {
-                let made = pass.pipeline(gpu, &layout, masked, &batch.variant, sections);
+                let made = pass.pipeline(gpu, &layout, masked, bends, sections);
                 stats.pipeline(&format!(
                     "motion{}{}",
                     if masked { ": masked" } else { "" },
@@ -78,16 +77,15 @@ impl MotionPass {
         gpu: &Gpu,
         cameras: &wgpu::BindGroupLayout,
         masked: bool,
-        variant: &Variant,
+        bends: bool,
         sections: usize,
     ) -> wgpu::RenderPipeline {
-        let defines = bend::defines(Defines::default(), variant.bend, sections).set("MASK", masked);
+        let defines = bend::defines(Defines::default(), bends, sections).set("MASK", masked);
         let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("motion.wgsl")].concat(), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("motion"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
         });
-        let bends = variant.bend;
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("motion"),
             bind_group_layouts: &[
@@ -147,7 +145,7 @@ impl MotionPass {
         }
         for (batch, mesh, material) in drawn.iter() {
             let mask = mask_group(gpu, &self.mask_layout, material, samplers);
-            let bends = batch.variant.bend;
+            let bends = batch.rides.is_some();
             let Some(pipeline) = self.pipelines.get(&(mask.is_some(), bends)) else { continue };
             pass.set_pipeline(pipeline);
             if let Some(mask) = &mask {

@@ -284,11 +284,7 @@ impl ShadowPass {
                     pass.set_bind_group(1, group, &[]);
                 }
                 let uvs = mesh.uvs.as_ref().filter(|_| mask.is_some());
-                let (instances, rides, count) = match batch.levels.thinned() {
-                    Some(few) => (&few.instances, Some(&few.rides), few.count),
-                    None => (&batch.instances, batch.rides.as_ref(), batch.count),
-                };
-                let rides = rides.filter(|_| batch.variant.bend);
+                let (instances, rides, count) = batch.casting();
                 let buffers = [Some(&mesh.positions), uvs, Some(instances), rides];
                 for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));

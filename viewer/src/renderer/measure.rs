@@ -42,6 +42,7 @@ impl Renderer {
                 }
             }
         }
+        self.count()?;
         Ok(timing)
     }
 
@@ -78,6 +79,24 @@ impl Renderer {
     pub fn moving_boxes(&self) -> Result<Vec<Option<[Vec3; 2]>>> {
         let pose = self.loaded.as_ref().and_then(|l| l.bend.as_ref()?.pose.as_ref());
         pose.map_or_else(|| Ok(Vec::new()), |pose| pose.boxes(&self.gpu))
+    }
+
+    /// Every instance of leaves and wood that the last picture has drawn, in the order of the draws: its mesh, its
+    /// material, its level of detail, and the three rows of its transform, enlarged as it was drawn. Where the vertex
+    /// stage moves an instance, the rows are those at rest.
+    ///
+    /// # Errors
+    /// `Readback`.
+    pub fn drawn_instances(&self) -> Result<Vec<([usize; 3], [[f32; 4]; 3])>> {
+        let mut all = Vec::new();
+        for batch in self.loaded.iter().flat_map(|l| &l.batches) {
+            let own = match &batch.choice {
+                Some(choice) => choice.drawn(&self.gpu)?,
+                None => batch.levels.drawn(),
+            };
+            all.extend(own.into_iter().map(|(level, rows)| ([batch.mesh, batch.material, level], rows)));
+        }
+        Ok(all)
     }
 
     /// Number of operations in the fragment shader of material `index` of `scene` (see `operations`), a figure for

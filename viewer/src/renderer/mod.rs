@@ -20,9 +20,11 @@ use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::backdrop::BackdropPass;
 use crate::passes::bend::BendPass;
 use crate::passes::bloom::BloomPass;
+use crate::passes::choose::ChoosePass;
 use crate::passes::grass::{Aim, GrassPass};
 use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
 use crate::passes::motion::MotionPass;
+use crate::passes::place::PlacePass;
 use crate::passes::pose;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
@@ -66,6 +68,10 @@ struct Loaded {
     bloom: Option<BloomPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
+    /// Moves what sections carry as wholes, if they do.
+    place: Option<PlacePass>,
+    /// Chooses what is drawn, where the adapter does.
+    choose: Option<ChoosePass>,
     /// Made when motion vectors are requested for the first time.
     motion: Option<MotionPass>,
     transfer: Option<TransferPass>,
@@ -140,7 +146,8 @@ impl Renderer {
         let guard = Guard::new(&self.gpu);
         let Stats { draws, shadow_renders, transfers, .. } = self.stats;
         let mut stats = Stats { draws, shadow_renders, transfers, ..Stats::default() };
-        let batches = Batch::all(&self.gpu, scene, &mut stats);
+        let mut batches = Batch::all(&self.gpu, scene, &mut stats);
+        let choose = ChoosePass::new(&self.gpu, &mut batches, &mut stats);
         let mesh = |(i, mesh): (usize, &Mesh)| {
             let stands = batches.iter().any(|b| b.mesh == i);
             stands.then(|| MeshOnGpu::new(&self.gpu, i, mesh, &batches, &mut stats))
@@ -152,11 +159,17 @@ impl Renderer {
             Some(MaterialOnGpu::new(gpu, i, material, variant, samplers, &mut self.tables, None, &mut stats))
         };
         let materials: Vec<Option<MaterialOnGpu>> = scene.materials.iter().enumerate().map(material).collect();
-        let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let extents = Extents::new(scene);
         let now = extents.at(scene.wind.as_ref());
         let casters = now.casters;
         let bend = BendPass::posed(&self.gpu, scene, now.sections, &mut stats);
+        let whole = bend.as_ref().filter(|_| batches.iter().any(Batch::moves_whole));
+        let place = whole.map(|bend| PlacePass::new(&self.gpu, bend, &mut stats));
+        if let (Some(place), Some(bend)) = (&place, &bend) {
+            // Makes the buffers while a lack of memory is still noticed.
+            place.all(&self.gpu, &mut self.gpu.device.create_command_encoder(&Default::default()), &mut batches, bend);
+        }
+        let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
@@ -194,6 +207,8 @@ impl Renderer {
             bloom,
             grass,
             bend,
+            place,
+            choose,
             motion: None,
             transfer,
             sun_shares: scene.sun_shares.clone(),
@@ -248,13 +263,25 @@ impl Renderer {
         let seen = Seen::new(camera, [width, height], loaded.scanner.is_none());
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
-            batch.levels.arrange(&self.gpu, &seen, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
+            if batch.choice.is_none() {
+                batch.arrange(&self.gpu, &seen);
+            }
             if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
                 batch.levels.thin_maps(&self.gpu, loaded.shadow_texel);
             }
-            apart = apart.max(batch.levels.apart(loaded.shadow_texel));
+            apart = apart.max(match batch.choice {
+                Some(_) => batch.levels.apart_in_maps(loaded.shadow_texel),
+                None => batch.levels.apart(loaded.shadow_texel),
+            });
         }
-        self.stats.triangles = loaded.batches.iter().map(|b| b.levels.triangles()).sum();
+        if let (Some(place), Some(bend)) = (&loaded.place, &loaded.bend) {
+            place.all(&self.gpu, encoder, &mut loaded.batches, bend);
+        }
+        if let Some(choose) = &loaded.choose {
+            choose.record(&self.gpu, encoder, &mut loaded.batches, &seen, loaded.shadow_texel, apart);
+        }
+        let by_cpu = loaded.batches.iter().filter(|b| b.choice.is_none());
+        self.stats.triangles = by_cpu.map(|b| b.levels.triangles()).sum();
         let drawn = Drawn { meshes: &loaded.meshes, materials: &loaded.materials, batches: &loaded.batches };
         let frame = Frame {
             view_projection: match &loaded.scanner {
@@ -273,6 +300,9 @@ impl Renderer {
                 .map_or([0.0; 4], |s| [f32::from(u8::from(s.along_x)), f32::from(u8::from(s.bounded)), 0.0, 0.0]),
         };
         self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
+        if let Some(choose) = &loaded.choose {
+            choose.apart(encoder, &loaded.main.frame);
+        }
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {
             sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
         }
@@ -336,6 +366,8 @@ impl Renderer {
         self.record(&mut encoder, camera, width, height, None)?;
         self.gpu.queue.submit([encoder.finish()]);
         readback::wait(&self.gpu)?;
+        #[cfg(not(target_arch = "wasm32"))]
+        self.count()?;
         let drawn = self.targets.as_ref().map(|t| &t.ldr_view);
         drawn.ok_or_else(|| Error::Readback("nothing has been drawn".into()))
     }

@@ -42,10 +42,12 @@ impl Renderer {
         };
         let guard = Guard::new(&self.gpu);
         let gpu = &self.gpu;
-        // The same instances are drawn, at the same sizes, as in the picture.
+        // The same instances are drawn, at the same sizes, as in the picture, except that the CPU chooses. It does not
+        // know where a wind has moved a leaf. So it chooses by where the leaf is at rest, and culls only what stands
+        // still.
         let seen = Seen::new(camera, [width, height], true);
         for batch in &mut loaded.batches {
-            batch.levels.arrange(gpu, &seen, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
+            batch.arrange(gpu, &seen);
         }
         let pass = match loaded.motion.take() {
             Some(pass) => pass,
@@ -79,6 +81,7 @@ impl Renderer {
         pass.draw(gpu, &mut encoder, loaded.drawn(), &self.samplers, [&views[0], &views[1]], &mut self.stats);
         let copy = Copy::record(gpu, &mut encoder, &target);
         gpu.queue.submit([encoder.finish()]);
+        loaded.batches.iter_mut().for_each(|batch| batch.put_back(gpu));
         loaded.motion = Some(pass);
         let texels = copy.floats(gpu)?;
         guard.finish(gpu)?;

@@ -29,7 +29,18 @@ impl Renderer {
         let hdr = Copy::record(&self.gpu, &mut encoder, &targets.hdr);
         let ldr = Copy::record(&self.gpu, &mut encoder, &targets.ldr);
         self.gpu.queue.submit([encoder.finish()]);
-        Ok(Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? })
+        let picture = Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? };
+        self.count()?;
+        Ok(picture)
+    }
+
+    /// Counts the triangles that the adapter has chosen for the last picture, which has been drawn.
+    pub(super) fn count(&mut self) -> Result<()> {
+        if let Some(choose) = self.loaded.as_ref().and_then(|l| l.choose.as_ref()) {
+            let draws = choose.draws(&self.gpu)?;
+            self.stats.triangles += draws.iter().map(|d| u64::from(d[0]) / 3 * u64::from(d[1])).sum::<u64>();
+        }
+        Ok(())
     }
 
     /// Draws the picture of the scene's scanner.

@@ -4,11 +4,13 @@
 
 mod backdrop;
 mod bend;
+mod choose;
 mod common;
 mod detail;
 mod dome;
 mod motion;
 mod needs;
+mod place;
 mod radiance;
 mod reference;
 mod shadow;
