@@ -25,7 +25,8 @@ const LEAF: [[f32; 8]; 4] = [
     [62.0, 18.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0],
     [0.0, 18.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
 ];
-pub(crate) const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+pub(crate) const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}],
     "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3}]}],
     "buffers": [{"uri": "leaf.bin", "byteLength": 140}],
     "bufferViews": [{"buffer": 0, "byteLength": 128, "byteStride": 32},
