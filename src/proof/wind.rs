@@ -21,7 +21,7 @@ const CHILDREN: usize = 10_000;
 /// A bird cherry of three years.
 fn sapling() -> Result<Plant, String> {
     let text = include_str!("../../data/plants/bird-cherry-sapling.toml");
-    toml::from_str::<Spec>(text).map(|spec| grow(&spec, None)).map_err(|e| e.to_string())
+    text.parse::<Spec>().map(|spec| grow(&spec, None)).map_err(|e| e.to_string())
 }
 
 /// The largest change of a length and the largest gap in a posed plant, relative to what is allowed.

@@ -34,12 +34,22 @@ impl Picture {
     }
 }
 
-/// Writes RGBA bytes, row 0 on top, as PNG.
+/// Writes RGBA bytes, row 0 on top, as PNG. A file of this name is replaced when the new one is complete.
 ///
 /// # Errors
 /// `Write` with the path and the cause.
 #[cfg(not(target_arch = "wasm32"))]
 pub fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
-    image::save_buffer_with_format(path, rgba, width, height, image::ColorType::Rgba8, image::ImageFormat::Png)
-        .map_err(|e| Error::Write { path: path.display().to_string(), reason: e.to_string() })
+    let mut unfinished = path.as_os_str().to_owned();
+    unfinished.push(".partial");
+    let encode = || {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.write_header()?.write_image_data(rgba)?;
+        Ok(bytes)
+    };
+    encode()
+        .and_then(|bytes| Ok(std::fs::write(&unfinished, bytes).and_then(|()| std::fs::rename(&unfinished, path))?))
+        .map_err(|e: png::EncodingError| Error::Write { path: path.display().to_string(), reason: e.to_string() })
 }

@@ -8,6 +8,7 @@ use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::str::FromStr;
 use strum::{Display, EnumIter, EnumString, IntoStaticStr};
 
 /// Which truth a leaf has.
@@ -298,6 +299,15 @@ impl Default for Device {
     }
 }
 
+/// Reads the text of a specification without checking its values.
+impl FromStr for Spec {
+    type Err = toml::de::Error;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        toml::from_str(text)
+    }
+}
+
 impl Spec {
     /// Reads and validates a specification.
     ///
@@ -305,7 +315,7 @@ impl Spec {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Spec> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let mut spec: Spec = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
+        let mut spec: Spec = text.parse().map_err(|e| Error::toml(path, &text, &e))?;
         spec.validate(path)?;
         if let Some(foliar) = &mut spec.foliar {
             foliar.read(path)?;

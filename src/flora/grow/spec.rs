@@ -4,8 +4,8 @@ use crate::file::MOST_TRIANGLES;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use std::path::Path;
+use std::str::FromStr;
 
 /// A plant's description.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -191,6 +191,15 @@ fn leaf_mass() -> f64 {
 /// The largest number of branches, and of leaves. A larger number is more likely a typing error than meant.
 const MOST: usize = 500_000;
 
+/// Reads the text of a description without checking its values.
+impl FromStr for Spec {
+    type Err = toml::de::Error;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        toml::from_str(text)
+    }
+}
+
 impl Spec {
     /// Reads and checks a description.
     ///
@@ -261,9 +270,9 @@ impl Spec {
 }
 
 /// Reads a description without checking its values.
-pub(crate) fn parse<T: DeserializeOwned>(path: &Path) -> Result<T> {
+pub(crate) fn parse<T: FromStr<Err = toml::de::Error>>(path: &Path) -> Result<T> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-    toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
+    text.parse().map_err(|e| Error::toml(path, &text, &e))
 }
 
 /// Checks that a field's value lies within its limits.

@@ -26,7 +26,7 @@ pub const PIECES: u64 = TRIED.len() as u64;
 /// A stop that was asked for.
 pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let path = Path::new("data/grass/lawn.toml");
-    let description: meadow::Meadow = toml::from_str(LAWN).map_err(|e| Error::toml(path, LAWN, &e))?;
+    let description: meadow::Meadow = LAWN.parse().map_err(|e| Error::toml(path, LAWN, &e))?;
     let meadow = Meadow::new(path, &description.grow(None), &optics::read(None)?)?;
     let rays = Rays { side: 48, level: 0.0, sunlit: false };
     let truth = judge::blades(&meadow, rays);

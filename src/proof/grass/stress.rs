@@ -21,7 +21,7 @@ fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<Meadow, String> {
 /// The same, with blades that were changed.
 fn lawn_with(per_m2: f64, size_mm: [f64; 2], change: impl Fn(&mut LeafMesh)) -> Result<Meadow, String> {
     let text = include_str!("../../../data/grass/lawn.toml");
-    let mut described: meadow::Meadow = toml::from_str(text).map_err(|e| e.to_string())?;
+    let mut described: meadow::Meadow = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
     described.size_mm = size_mm;
     described.swards.iter_mut().for_each(|sward| sward.per_m2 = per_m2);
     let leaves = optics::read(None).map_err(|e| e.to_string())?;

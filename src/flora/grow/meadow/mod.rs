@@ -20,6 +20,7 @@ use rand_pcg::Pcg64;
 use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
+use std::str::FromStr;
 
 /// The largest number of blades on a square. A larger number is more likely a typing error than meant.
 const MOST: f64 = 300_000.0;
@@ -108,6 +109,15 @@ fn shapes() -> usize {
 }
 fn segments() -> usize {
     6
+}
+
+/// Reads the text of a description without checking its values.
+impl FromStr for Meadow {
+    type Err = toml::de::Error;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        toml::from_str(text)
+    }
 }
 
 impl Meadow {

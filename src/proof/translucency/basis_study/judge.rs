@@ -131,7 +131,7 @@ mod tests {
     use mesophyll_translucency::lights::Rule;
 
     fn elm() -> Spec {
-        toml::from_str(include_str!("../../../../data/leaves/elm.toml")).unwrap()
+        include_str!("../../../../data/leaves/elm.toml").parse().unwrap()
     }
 
     /// Every basis that contains the cosine reproduces a flat uniform leaf exactly, whatever the tissue.

@@ -141,7 +141,7 @@ pub fn cases(texel_mm: f64) -> Result<Vec<Case>> {
         (include_str!("../../../../data/leaves/elm.toml"), [2.0, 2.0], [14.0, 12.0]),
         (include_str!("../../../../data/leaves/balata.toml"), [2.0, 3.0], [14.0, 12.0]),
     ] {
-        let spec: Spec = toml::from_str(text).map_err(|e| Error::Missed(e.to_string()))?;
+        let spec: Spec = text.parse().map_err(|e: toml::de::Error| Error::Missed(e.to_string()))?;
         let blade = piece(&spec, texel_mm, centre, size)?;
         let own = Tissue { sigma_a: spec.interior.sigma_a[1], sigma_s: spec.interior.sigma_s[1], g: 0.0, a: 1.0 };
         for (name, tissue) in [("own tissue", own), ("H9's tissue", PAPER_TISSUE)] {
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     fn elm() -> Spec {
-        toml::from_str(include_str!("../../../../data/leaves/elm.toml")).unwrap()
+        include_str!("../../../../data/leaves/elm.toml").parse().unwrap()
     }
 
     /// The heights that fits use are integrated from normals; they give these normals back.
