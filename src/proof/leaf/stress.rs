@@ -157,8 +157,7 @@ pub fn rows() -> Result<Vec<StressRow>> {
 fn run(case: &Case) -> Result<StressRow> {
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
     let capture = folder.path().join("scan");
-    let mut spec: Spec =
-        LEAF.parse().map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
+    let mut spec: Spec = LEAF.parse().map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
     // Texels of three millimetres show no fine veins, and growing them would take longer than everything else.
     (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
     (case.leaf)(&mut spec);
