@@ -118,7 +118,12 @@ impl Levels {
     /// The ball of an instance that is drawn `size` times as large.
     fn ball(&self, k: usize, size: f32) -> (Vec3, f32) {
         let (centre, radius, _) = self.spheres[k];
-        larger(Vec3::from(self.rows[k].map(|row| row[3])), (centre, radius), size)
+        (centre, size * radius)
+    }
+
+    /// The rows of an instance that is drawn `size` times as large.
+    fn larger(&self, k: usize, size: f32) -> [[f32; 4]; 3] {
+        larger(&self.rows[k], self.ball.0, size)
     }
 
     /// The levels that may be lit: range of indices, and largest distance from the mesh.
@@ -177,7 +182,7 @@ impl Levels {
             return;
         }
         let kept: Vec<usize> = (0..sizes.len()).filter(|k| sizes[*k] > 0.0).collect();
-        let rows: Vec<[[f32; 4]; 3]> = kept.iter().map(|k| larger_rows(&self.rows[*k], sizes[*k])).collect();
+        let rows: Vec<[[f32; 4]; 3]> = kept.iter().map(|k| self.larger(*k, sizes[*k])).collect();
         let rides: Vec<[f32; 2]> = kept.iter().map(|k| self.rides[*k]).collect();
         let put = |label: &str, bytes: &[u8]| {
             // No buffer is empty.
@@ -292,7 +297,7 @@ impl Levels {
     pub(crate) fn drawn(&self) -> Vec<(usize, [[f32; 4]; 3])> {
         let mut order: Vec<usize> = (0..self.rows.len()).filter(|k| self.sizes[*k] > 0.0).collect();
         order.sort_by_key(|k| self.chosen[*k]);
-        order.iter().map(|k| (usize::from(self.chosen[*k]), larger_rows(&self.rows[*k], self.sizes[*k]))).collect()
+        order.iter().map(|k| (usize::from(self.chosen[*k]), self.larger(*k, self.sizes[*k]))).collect()
     }
 
     /// Writes the instances at the size at which they are drawn, if any is enlarged.
@@ -301,8 +306,7 @@ impl Levels {
             self.enlarged = None;
             return;
         }
-        let larger = |i: &usize| larger_rows(&self.rows[*i], self.sizes[*i]);
-        let rows: Vec<[[f32; 4]; 3]> = order.iter().map(larger).collect();
+        let rows: Vec<[[f32; 4]; 3]> = order.iter().map(|i| self.larger(*i, self.sizes[*i])).collect();
         match &self.enlarged {
             Some(buffer) => gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&rows)),
             None => {
@@ -317,11 +321,6 @@ impl Levels {
     pub(crate) fn triangles(&self) -> u64 {
         self.runs().map(|(indices, instances)| indices.len() as u64 / 3 * instances.len() as u64).sum()
     }
-}
-
-/// The rows of a transform that enlarges an instance about its origin.
-fn larger_rows(rows: &[[f32; 4]; 3], size: f32) -> [[f32; 4]; 3] {
-    rows.map(|[x, y, z, w]| [size * x, size * y, size * z, w])
 }
 
 /// Writes values of the instances in another order, if there is a buffer for them.

@@ -78,9 +78,13 @@ pub(crate) fn enlarged(wide: f32, rank: f32) -> f32 {
     (own / (kept - 0.5 * fade)).sqrt()
 }
 
-/// The ball (centre and radius) of an instance that is enlarged `size` times about its origin.
-pub(crate) fn larger(origin: Vec3, (centre, radius): (Vec3, f32), size: f32) -> (Vec3, f32) {
-    (origin + size * (centre - origin), size * radius)
+/// The rows of a transform that draws an instance `size` times as large about a point of its mesh. This is the middle of
+/// the mesh: a leaf's origin is its stalk, and leaves that grew from there would all move out of the crown into the sun.
+pub(crate) fn larger(rows: &[[f32; 4]; 3], middle: Vec3, size: f32) -> [[f32; 4]; 3] {
+    rows.map(|[x, y, z, w]| {
+        let to_middle = x * middle.x + y * middle.y + z * middle.z;
+        [size * x, size * y, size * z, w + (1.0 - size) * to_middle]
+    })
 }
 
 /// The number of consecutive leaves among which ranks are spread evenly.
@@ -113,6 +117,7 @@ fn mixed(number: usize) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::{Mat4, Quat, Vec4};
 
     fn seen() -> Seen {
         let camera = Camera { eye: Vec3::ZERO, target: Vec3::X, up: Vec3::Z, fov_y_deg: 40.0 };
@@ -140,20 +145,22 @@ mod tests {
         }
     }
 
-    /// A leaf at the edge of the picture, whose origin is beside it, may leave the picture when it is enlarged, or
-    /// enter it.
+    /// A leaf that is drawn larger keeps its middle in place, and distances from there grow.
     #[test]
-    fn larger_leaves_are_where_their_origin_sends_them() {
-        let seen = seen();
-        let edge = 1000.0 * 20f32.to_radians().tan() * 4.0 / 3.0;
-        let at = |y: f32| Vec3::new(1000.0, y, 0.0);
-        let (inside, outside) = (at(edge - 20.0), at(edge + 40.0));
-        let shown = |origin: f32, centre: Vec3, size: f32| {
-            let (centre, radius) = larger(at(origin), (centre, 5.0), size);
-            seen.shows(centre, radius)
-        };
-        assert!(shown(edge - 100.0, inside, 1.0) && !shown(edge - 100.0, inside, 2.0));
-        assert!(!shown(edge + 100.0, outside, 1.0) && shown(edge + 100.0, outside, 2.0));
+    fn larger_leaves_stay_where_they_are() {
+        let turned = Quat::from_rotation_x(0.7) * Quat::from_rotation_z(-1.1);
+        let at_rest = Mat4::from_scale_rotation_translation(Vec3::splat(0.8), turned, Vec3::new(300.0, -20.0, 5e3));
+        let middle = Vec3::new(31.0, 1.0, 0.5);
+        let (x, y, z, w) = (at_rest.row(0), at_rest.row(1), at_rest.row(2), Vec4::W);
+        let rows = larger(&[x, y, z].map(Vec4::to_array), middle, 7.0);
+        let [x, y, z] = rows.map(Vec4::from_array);
+        let larger = Mat4::from_cols(x, y, z, w).transpose();
+        let place = at_rest.transform_point3(middle);
+        assert!(larger.transform_point3(middle).distance(place) < 2e-3);
+        for tip in [Vec3::ZERO, Vec3::new(62.0, 0.0, 1.0), Vec3::new(30.0, 18.0, -2.0)] {
+            let wanted = place + 7.0 * (at_rest.transform_point3(tip) - place);
+            assert!(larger.transform_point3(tip).distance(wanted) < 5e-3, "{tip}");
+        }
     }
 
     /// Random balls are compared with points in them: a ball that is left out has no point in the picture.

@@ -100,13 +100,12 @@ fn choose(
         let column = vec3f(x.x, y.x, z.x);
         let scale = sqrt(inner(column, column));
         let c = plan.ball.xyz;
-        var centre = column * c.x + vec3f(x.y, y.y, z.y) * c.y + vec3f(x.z, y.z, z.z) * c.z + origin;
+        let centre = column * c.x + vec3f(x.y, y.y, z.y) * c.y + vec3f(x.z, y.z, z.z) * c.z + origin;
         var radius = plan.ball.w * scale;
         size = 1.0;
         if ((plan.numbers.w & 1u) != 0u && plan.ahead.w != 0.0) {
             size = enlarged(2.0 * radius / max(plan.eye.w * far(plan.eye.xyz, centre), 1e-30), ranks[k]);
         }
-        centre = origin + size * (centre - origin);
         radius *= size;
         if (size > 0.0 && shows(centre, radius)) {
             let allowed = plan.reach.w * plan.eye.w * (far(plan.eye.xyz, centre) - radius);
@@ -203,9 +202,10 @@ fn gather(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let place = counts[k / 256u][level] + (found & 0xffffu);
-    let larger = vec4f(size, size, size, 1.0);
+    // `thin::larger`.
     for (var n = 0u; n < 3u; n++) {
-        drawn[3u * place + n] = larger * rows[3u * k + n];
+        let row = rows[3u * k + n];
+        drawn[3u * place + n] = vec4f(size * row.xyz, row.w + (1.0 - size) * inner(row.xyz, plan.ball.xyz));
     }
     //#if BEGINS
     drawn_begins[place] = begins[k];

@@ -86,6 +86,29 @@ fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
     }
 }
 
+/// A leaf's origin is where its stalk ends. The same leaves with their origins 25 mm beside them give the same picture,
+/// in the picture and in coarse shadow maps: leaves that are drawn larger stay where they are.
+#[test]
+fn it_does_not_matter_where_a_leaf_has_its_origin() {
+    let Some(mut renderer) = renderer() else { return };
+    for resolution in [2048, 24] {
+        let mut of = |beside: Vec3| {
+            let mut scene = crown(1, 0);
+            scene.shadow_resolution = resolution;
+            scene.meshes[0].positions.iter_mut().for_each(|p| *p += beside);
+            for instance in &mut scene.instances {
+                instance.transform *= Mat4::from_translation(-beside);
+            }
+            renderer.set_scene(&scene).expect("scene");
+            shown(&mut renderer, 6e4).0
+        };
+        let (middle, beside) = (of(Vec3::ZERO), of(25.0 * Vec3::X));
+        for (a, b) in middle.into_iter().zip(beside) {
+            assert!((a / b - 1.0).abs() < 2e-3, "{resolution}: {middle:?} {beside:?}");
+        }
+    }
+}
+
 /// In shadow maps whose texels are larger than leaves, fewer and larger leaves cast as much shadow.
 #[test]
 fn leaves_smaller_than_texels_are_fewer_in_shadow_maps_and_shade_as_much() {
