@@ -152,7 +152,7 @@ mod tests {
         let at_rest = Mat4::from_scale_rotation_translation(Vec3::splat(0.8), turned, Vec3::new(300.0, -20.0, 5e3));
         let middle = Vec3::new(31.0, 1.0, 0.5);
         let (x, y, z, w) = (at_rest.row(0), at_rest.row(1), at_rest.row(2), Vec4::W);
-        let rows = larger(&[x, y, z].map(Vec4::to_array), middle, 7.0);
+        let rows = larger(&[x, y, z].map(|row| row.to_array()), middle, 7.0);
         let [x, y, z] = rows.map(Vec4::from_array);
         let larger = Mat4::from_cols(x, y, z, w).transpose();
         let place = at_rest.transform_point3(middle);
