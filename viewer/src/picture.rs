@@ -42,14 +42,17 @@ impl Picture {
 pub fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     let mut unfinished = path.as_os_str().to_owned();
     unfinished.push(".partial");
-    let encode = || {
+    let write = || {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, width, height);
         encoder.set_color(png::ColorType::Rgba);
         encoder.write_header()?.write_image_data(rgba)?;
-        Ok(bytes)
+        std::fs::write(&unfinished, bytes)?;
+        Ok(std::fs::rename(&unfinished, path)?)
     };
-    encode()
-        .and_then(|bytes| Ok(std::fs::write(&unfinished, bytes).and_then(|()| std::fs::rename(&unfinished, path))?))
-        .map_err(|e: png::EncodingError| Error::Write { path: path.display().to_string(), reason: e.to_string() })
+    write().map_err(|e: png::EncodingError| {
+        // There may be no such file, and the first error is the one to tell.
+        let _ = std::fs::remove_file(&unfinished);
+        Error::Write { path: path.display().to_string(), reason: e.to_string() }
+    })
 }
