@@ -78,8 +78,9 @@ pub(crate) fn enlarged(wide: f32, rank: f32) -> f32 {
     (own / (kept - 0.5 * fade)).sqrt()
 }
 
-/// The rows of a transform that draws an instance `size` times as large about a point of its mesh. This is the middle of
-/// the mesh: a leaf's origin is its stalk, and leaves that grew from there would all move out of the crown into the sun.
+/// The rows of a transform that draws an instance `size` times as large about a point of its mesh. This is the middle
+/// of the mesh: a leaf's origin is its stalk, and leaves that grew from there would all move out of the crown into the
+/// sun.
 pub(crate) fn larger(rows: &[[f32; 4]; 3], middle: Vec3, size: f32) -> [[f32; 4]; 3] {
     rows.map(|[x, y, z, w]| {
         let to_middle = x * middle.x + y * middle.y + z * middle.z;
