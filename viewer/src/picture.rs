@@ -34,25 +34,18 @@ impl Picture {
     }
 }
 
-/// Writes RGBA bytes, row 0 on top, as PNG. A file of this name is replaced when the new one is complete.
+/// Writes RGBA bytes, row 0 on top, as PNG.
 ///
 /// # Errors
 /// `Write` with the path and the cause.
 #[cfg(not(target_arch = "wasm32"))]
 pub fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
-    let mut unfinished = path.as_os_str().to_owned();
-    unfinished.push(".partial");
     let write = || {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, width, height);
         encoder.set_color(png::ColorType::Rgba);
         encoder.write_header()?.write_image_data(rgba)?;
-        std::fs::write(&unfinished, bytes)?;
-        Ok(std::fs::rename(&unfinished, path)?)
+        Ok(std::fs::write(path, bytes)?)
     };
-    write().map_err(|e: png::EncodingError| {
-        // There may be no such file, and the first error is the one to tell.
-        let _ = std::fs::remove_file(&unfinished);
-        Error::Write { path: path.display().to_string(), reason: e.to_string() }
-    })
+    write().map_err(|e: png::EncodingError| Error::Write { path: path.display().to_string(), reason: e.to_string() })
 }
