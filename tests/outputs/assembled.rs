@@ -1,11 +1,10 @@
 //! Leaves and scenes for other renderers: read by those renderers where they are installed, and by small readers here.
 
-use crate::common::skips::{Need, skip};
 use crate::common::{refused, run, succeeded};
+use crate::programs::python;
 use mesophyll::export::coat::Coat;
 use mesophyll::export::shown::Shown;
 use mesophyll::export::{Format, assemble};
-use mesophyll::files::image;
 use mesophyll::foreign::target::Target;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::side::Side;
@@ -13,21 +12,6 @@ use mesophyll::transport::world::{Gloss, Interior, Placement, ReferenceLeaf, Ref
 use mesophyll::transport::{Camera, ReferenceSun};
 use serde_json::{Value, json};
 use std::path::Path;
-use std::process::Command;
-
-/// The numbers that a Python script prints as JSON; a skip where Python has no `module`. `MESOPHYLL_PYTHON` names the
-/// interpreter.
-pub fn python(module: &str, script: &str, folder: &Path) -> Option<Value> {
-    let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
-    let found = Command::new(&python).args(["-c", &format!("import {module}")]).output();
-    if !found.is_ok_and(|out| out.status.success()) {
-        skip(Need::Peer, &format!("Python has no {module} (MESOPHYLL_PYTHON)"));
-        return None;
-    }
-    let out = Command::new(&python).args(["-c", script]).current_dir(folder).output().unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    Some(serde_json::from_slice(&out.stdout).unwrap())
-}
 
 /// Elements of an XML file, each opened and closed in order.
 fn elements(text: &str) -> usize {
@@ -149,53 +133,6 @@ print(json.dumps(max(out)))";
     }
 }
 
-/// A picture by Mitsuba of a committed scene: on the leaf, squares of pixels have our path tracer's radiance, up to the
-/// stated loss and to the noise.
-#[test]
-fn mitsubas_picture_is_ours() {
-    let folder = tempfile::tempdir().unwrap();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(root.join("data/scenes/glossy-sky.toml")).unwrap();
-    let small = text.replace("width = 800", "width = 80").replace("height = 600", "height = 60");
-    let scene = folder.path().join("small.toml");
-    std::fs::write(&scene, small.replace("../../fits", &root.join("fits").display().to_string())).unwrap();
-    let to = |name: &str| folder.path().join(name).display().to_string();
-    let scene = scene.display().to_string();
-    succeeded(&run(["export", &scene, "--to", "mitsuba", "--view", "glance", "-o", &to("m")]));
-    let script = "
-import json, mitsuba as mi, numpy as np
-mi.set_variant('scalar_rgb')
-scene = mi.load_file('m/scene.xml')
-sensor = scene.sensors()[0]
-on = [bool(scene.ray_test(sensor.sample_ray(0, .5, mi.Point2f((x + .5) / 80, (y + .5) / 60), mi.Point2f(.5))[0]))
-      for y in range(60) for x in range(80)]
-print(json.dumps([on, np.array(mi.render(scene, spp=48)).ravel().tolist()]))";
-    let Some(theirs) = python("mitsuba", script, folder.path()) else { return };
-    succeeded(&run(["render", &scene, "--view", "glance", "--samples", "64", "-o", &to("r")]));
-    let ours = image::read_exr(&folder.path().join("r/glance.exr")).unwrap();
-    let lost: Value = serde_json::from_slice(&std::fs::read(folder.path().join("m/loss.json")).unwrap()).unwrap();
-    let stated = lost["surfaces"][0]["front"]["brdf_rms"].as_f64().unwrap();
-    let on: Vec<bool> = serde_json::from_value(theirs[0].clone()).unwrap();
-    let pixels: Vec<f64> = serde_json::from_value(theirs[1].clone()).unwrap();
-    let (block, mut squares, mut reference, mut blocks) = (4, 0.0, 0.0, 0);
-    for (y, x) in (0..60 / block).flat_map(|y| (0..80 / block).map(move |x| (y * block, x * block))) {
-        let inside: Vec<usize> = (0..block * block).map(|k| (y + k / block) * 80 + x + k % block).collect();
-        if inside.iter().all(|k| on[*k]) {
-            blocks += 1;
-            for (c, name) in ["R", "G", "B"].iter().enumerate() {
-                let (a, b) = inside
-                    .iter()
-                    .fold((0.0, 0.0), |(a, b), k| (a + f64::from(ours.get(name).unwrap()[*k]), b + pixels[3 * k + c]));
-                squares += (a - b) * (a - b);
-                reference += a * a;
-            }
-        }
-    }
-    let rms = (squares / reference).sqrt();
-    assert!(blocks > 40, "{blocks}");
-    assert!(rms < stated, "{rms} against {stated}");
-}
-
 /// MaterialX' own reader finds the OpenPBR materials valid.
 #[test]
 fn materialx_is_valid() {
@@ -245,8 +182,8 @@ print(json.dumps([[list(p) for p in world], surface.GetShaderId(), len(surface.G
     assert!((said[4].as_f64().unwrap() - 30.0).abs() < 1e-3 && said[5] == json!(0.001), "{said}");
 }
 
-/// Blender builds the scene: its nodes, sun and camera. (Its pictures take too long for a test; `docs/export.md` has
-/// the figures.)
+/// Blender builds the scene: its nodes, sun and camera. `pictures.rs` has
+/// its picture.
 #[test]
 fn blender_builds_the_scene() {
     let folder = tempfile::tempdir().unwrap();

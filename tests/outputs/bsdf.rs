@@ -1,8 +1,9 @@
 //! The gloss as a measured material (`export --to bsdf`): read back by our own reader of such files, and shown by
 //! Mitsuba where it is installed. Textures of σ (`export --to sigma`).
 
-use crate::assembled::{python, shown};
+use crate::assembled::shown;
 use crate::common::{run, succeeded};
+use crate::programs::python;
 use mesophyll::capture::goniometer::Readings;
 use mesophyll::export::{Format, assemble};
 use mesophyll::files::image;

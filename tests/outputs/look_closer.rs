@@ -1,7 +1,7 @@
 //! The report in a browser: zoom, pan, wipe, values under the pointer, keyboard and print. `look_closer.js` does what a
 //! reader does, in Chromium without a display, and what it saw is judged here.
 
-use crate::common::skips;
+use crate::programs::shown;
 use crate::samples::{Sample, write_fit, write_run};
 use mesophyll::files::image::{self, Maps};
 use serde_json::Value;
@@ -19,43 +19,8 @@ fn report(folder: &Path, words: &[&str]) -> String {
 
 /// What the script saw on a page; `None` where there is no Chromium.
 fn seen(folder: &Path, page: &str) -> Option<Value> {
-    let chromium = ["chromium", "chromium-browser", "google-chrome"]
-        .into_iter()
-        .find(|name| Command::new(name).arg("--version").output().is_ok_and(|out| out.status.success()));
-    let Some(chromium) = chromium else {
-        skips::skip(skips::Need::Peer, "no Chromium (apt-get install chromium)");
-        return None;
-    };
-    let path = folder.join("looked-at.html");
-    std::fs::write(&path, page.replace("</body>", &format!("<script>{SCRIPT}</script></body>"))).unwrap();
-    let out = Command::new(chromium)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .args(["--window-size=1280,900", "--virtual-time-budget=30000", "--dump-dom"])
-        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
-        .arg(format!("file://{}", path.display()))
-        .output()
-        .unwrap();
-    let dom = String::from_utf8_lossy(&out.stdout).into_owned();
-    let (_, found) = dom
-        .split_once("<pre id=\"seen\">")
-        .unwrap_or_else(|| panic!("the script did not end: {} {}", out.status, String::from_utf8_lossy(&out.stderr)));
-    let text = decoded(found.split_once('<').unwrap().0);
+    let text = shown(folder, &page.replace("</body>", &format!("<script>{SCRIPT}</script></body>")))?;
     Some(serde_json::from_slice(&text).unwrap())
-}
-
-/// Bytes of base64 text.
-fn decoded(text: &str) -> Vec<u8> {
-    let digit = |c: u8| match c {
-        b'A'..=b'Z' => c - b'A',
-        b'a'..=b'z' => c - b'a' + 26,
-        b'0'..=b'9' => c - b'0' + 52,
-        b'+' => 62,
-        _ => 63,
-    };
-    let digits: Vec<u8> = text.bytes().filter(|c| *c != b'=').map(digit).collect();
-    let whole = |four: &[u8]| four.iter().enumerate().fold(0u32, |w, (k, d)| w | u32::from(*d) << (18 - 6 * k));
-    digits.chunks(4).flat_map(|c| whole(c).to_be_bytes()[1..c.len()].to_vec()).collect()
 }
 
 /// The share of the picture at the view's left edge, and the zoom, of `translate(-10%, 0%) scale(1.5)`.

@@ -11,7 +11,9 @@ mod dress;
 mod export;
 mod look_closer;
 mod panorama;
+mod pictures;
 mod plants;
+mod programs;
 mod render;
 mod report;
 #[path = "../samples/mod.rs"]
