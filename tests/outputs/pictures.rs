@@ -1,5 +1,5 @@
-//! Pictures of committed scenes by other renderers, where they are installed: squares of pixels on the leaf have our path
-//! tracer's radiance, up to the stated loss of the export.
+//! Pictures of committed scenes by other renderers, where they are installed: squares of pixels on the leaf have our
+//! path tracer's radiance, up to the stated loss of the export.
 
 use crate::common::skips::{Need, skip};
 use crate::common::{run, succeeded};

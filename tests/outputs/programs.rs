@@ -19,8 +19,8 @@ pub fn python(module: &str, script: &str, folder: &Path) -> Option<Value> {
     Some(serde_json::from_slice(&out.stdout).unwrap())
 }
 
-/// The bytes that a page's script left as base64 in an element `seen`, after Chromium showed the page without a display;
-/// `None` where there is no Chromium.
+/// The bytes that a page's script left as base64 in an element `seen`, after Chromium showed the page without a
+/// display; `None` where there is no Chromium.
 pub fn shown(folder: &Path, page: &str) -> Option<Vec<u8>> {
     let chromium = ["chromium", "chromium-browser", "google-chrome"]
         .into_iter()
