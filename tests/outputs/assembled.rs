@@ -182,8 +182,7 @@ print(json.dumps([[list(p) for p in world], surface.GetShaderId(), len(surface.G
     assert!((said[4].as_f64().unwrap() - 30.0).abs() < 1e-3 && said[5] == json!(0.001), "{said}");
 }
 
-/// Blender builds the scene: its nodes, sun and camera. `pictures.rs` has
-/// its picture.
+/// Blender builds the scene: its nodes, sun and camera. `pictures.rs` has its picture.
 #[test]
 fn blender_builds_the_scene() {
     let folder = tempfile::tempdir().unwrap();
