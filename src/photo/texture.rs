@@ -1,6 +1,6 @@
 //! Which of two turns of a leaf is right, where its outline fits both: a leaf that is as wide at its tip as at its base
 //! fits itself after half a turn. Then its texture decides: veins are brighter or darker than what is between them in
-//! every picture, at the same places.
+//! every picture, at the same places. Where the texture tells nothing, the outlines decide, however little they differ.
 
 use super::grid::Grid;
 use super::picture::Picture;
@@ -33,8 +33,9 @@ pub(super) fn choose(grid: &Grid, mask: &[bool], seen: &[[f64; 3]], picture: &Pi
     let first: Vec<f64> = seen.iter().map(|v| v.iter().sum()).collect();
     let first = texture(grid, mask, &first);
     let like = |motion: Motion| {
-        let at = |k: usize| picture.at(motion.at(grid.middle(k))).iter().sum::<f64>();
-        let map: Vec<f64> = (0..mask.len()).map(|k| if mask[k] { at(k) } else { f64::NAN }).collect();
+        // Whole texels, as in `seen`: single pixels of fine veins would be anything.
+        let seen = grid.mean(mask, motion.scale(), |p| picture.at(motion.at(p)));
+        let map: Vec<f64> = seen.iter().map(|v| v.iter().sum()).collect();
         let second = texture(grid, mask, &map);
         let both = || first.iter().zip(&second).filter(|(a, b)| a.is_finite() && b.is_finite());
         let sum = |f: &dyn Fn(f64, f64) -> f64| both().map(|(a, b)| f(*a, *b)).sum::<f64>();
@@ -42,8 +43,10 @@ pub(super) fn choose(grid: &Grid, mask: &[bool], seen: &[[f64; 3]], picture: &Pi
         if own > 0.0 { sum(&|a, b| a * b).powi(2) / own } else { 0.0 }
     };
     let (a, b) = (like(best.motion), like(rival.motion));
-    let found = if b > a { rival } else { best };
-    Chosen { found, doubtful: a.max(b) < CLEARER * a.min(b) + 1e-3 }
+    let doubtful = a.max(b) < CLEARER * a.min(b) + 1e-3;
+    // Where texture does not tell, the outlines still do so, however little.
+    let found = if b > a && !doubtful { rival } else { best };
+    Chosen { found, doubtful }
 }
 
 /// What differs from the mean of the texels around, where all of them are on the leaf; NaN elsewhere.
@@ -77,15 +80,16 @@ mod tests {
     const W: usize = 200;
     const H: usize = 140;
 
-    /// An ellipse with veins that are not symmetric, turned by `angle` about the middle, under noise.
-    fn drawn(angle: f64, veins: f64, seed: u64) -> (Vec<bool>, Picture) {
+    /// An ellipse with veins that are not symmetric, turned by `angle` about the middle, under noise. With `egg` it is
+    /// wider at its right end, by this share of its width in the middle.
+    fn drawn(angle: f64, veins: f64, egg: f64, seed: u64) -> (Vec<bool>, Picture) {
         let (sin, cos) = angle.sin_cos();
         let mut stream = Stream::new(seed, &[1]);
         let (mut inside, mut pixels) = (Vec::new(), Vec::new());
         for k in 0..W * H {
             let [x, y] = [(k % W) as f64 + 0.5 - 100.0, (k / W) as f64 + 0.5 - 70.0];
             let [x, y] = [cos * x + sin * y, cos * y - sin * x];
-            let on = (x / 80.0).hypot(y / 40.0) < 1.0;
+            let on = (x / 80.0).hypot(y / (40.0 + 0.5 * egg * x)) < 1.0;
             let vein = veins * f64::from(u8::from((x - 0.6 * y.abs()).rem_euclid(17.0) < 4.0));
             let light = if on { 0.3 + vein + 0.0005 * x } else { 0.04 };
             inside.push(on);
@@ -94,8 +98,8 @@ mod tests {
         (inside, Picture { path: "leaf.exr".into(), width: W, height: H, pixels, highest: (1.0, 1) })
     }
 
-    fn chosen(angle: f64, veins: f64) -> (f64, bool) {
-        let ((a, first), (b, second)) = (drawn(0.0, 0.08, 1), drawn(angle, -veins, 2));
+    fn chosen(angle: f64, veins: f64, egg: f64) -> (f64, bool) {
+        let ((a, first), (b, second)) = (drawn(0.0, 0.08, egg, 1), drawn(angle, -veins, egg, 2));
         let matches = register(Mask { inside: &a, width: W }, Mask { inside: &b, width: W }, false).unwrap();
         let grid = Grid { origin: [10, 20], step: 2, width: 90, height: 50 };
         let mask: Vec<bool> = (0..90 * 50).map(|k| Mask { inside: &a, width: W }.holds(grid.middle(k))).collect();
@@ -112,9 +116,19 @@ mod tests {
     #[test]
     fn veins_tell_half_a_turn() {
         for angle in [0.1, std::f64::consts::PI - 0.2, std::f64::consts::PI + 0.1] {
-            let (off, doubtful) = chosen(angle, 0.08);
+            let (off, doubtful) = chosen(angle, 0.08, 0.0);
             assert!(off < 1.0 && !doubtful, "{angle}: off by {off}, {doubtful}");
         }
-        assert!(chosen(0.1, 0.0).1);
+        assert!(chosen(0.1, 0.0, 0.0).1);
+    }
+
+    /// Where a picture shows no texture, an outline that is nearly symmetric still tells how the leaf lies.
+    #[test]
+    fn without_veins_the_outline_tells_half_a_turn() {
+        for k in 0..6 {
+            let angle = 0.1 + std::f64::consts::FRAC_PI_3 * f64::from(k);
+            let (off, doubtful) = chosen(angle, 0.0, 0.05);
+            assert!(off < 1.5 && doubtful, "{angle}: off by {off}, {doubtful}");
+        }
     }
 }
