@@ -66,6 +66,10 @@ impl ViewerUi {
             return;
         }
         ui.spacing_mut().slider_width = 140.0;
+        // A slider with its words does not wrap by itself.
+        if ui.available_size_before_wrap().x < 200.0 {
+            ui.end_row();
+        }
         let wipe = Slider::new(&mut self.wipe, 0.0..=1.0).show_value(false).text("A | B");
         let wipe = ui.add(wipe).on_hover_text("left of the line is A, right of it the present state");
         self.landmark("wipe", &wipe);

@@ -35,7 +35,7 @@ impl ViewerUi {
                 .insert("right panel's content".into(), Rect::from_min_size(shown.inner_rect.min, shown.content_size));
         });
         egui::Panel::bottom("words").show(ui, |ui| {
-            ui.horizontal(|ui| {
+            ui.horizontal_wrapped(|ui| {
                 self.history_buttons(ui);
                 ui.separator();
                 self.compare_controls(ui);

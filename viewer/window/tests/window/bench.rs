@@ -11,7 +11,7 @@ use mesophyll_window::{Stage, ViewerUi, WindowScene, WindowView};
 use std::cell::RefCell;
 use std::rc::Rc;
 
-pub const PIXELS: [u32; 2] = [1100, 720];
+pub const PIXELS: [u32; 2] = [1100, 600];
 
 /// The requests of the window to its editor.
 #[derive(Default)]
@@ -192,8 +192,13 @@ pub fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
 
 impl Bench {
     pub fn frame(&mut self, events: Vec<egui::Event>) {
+        self.frame_of(PIXELS, events);
+    }
+
+    /// A frame in a window of another size.
+    pub fn frame_of(&mut self, pixels: [u32; 2], events: Vec<egui::Event>) {
         self.time += 0.05;
-        let size = egui::vec2(PIXELS[0] as f32, PIXELS[1] as f32);
+        let size = egui::vec2(pixels[0] as f32, pixels[1] as f32);
         let input = egui::RawInput {
             screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
             time: Some(self.time),
@@ -201,7 +206,7 @@ impl Bench {
             events,
             ..Default::default()
         };
-        self.stage.frame(&mut self.ui, input, PIXELS).expect("frame");
+        self.stage.frame(&mut self.ui, input, pixels).expect("frame");
     }
 
     pub fn pixels(&self) -> Vec<[u8; 4]> {

@@ -12,8 +12,10 @@ fn everything_is_drawn_without_a_display() {
     let pixels = bench.pixels();
     let colours: std::collections::HashSet<[u8; 4]> = pixels.iter().copied().collect();
     assert!(colours.len() > 200, "{} colours", colours.len());
-    // Each of the three columns shows something.
-    for (from, to) in [(0, 280), (300, 800), (830, 1090)] {
+    // The picture and the two panels beside it show something.
+    let rect = bench.ui.landmark_rect("picture").expect("picture");
+    let (left, right) = (rect.left() as usize, rect.right() as usize);
+    for (from, to) in [(0, left), (left, right), (right, PIXELS[0] as usize)] {
         let part: std::collections::HashSet<[u8; 4]> =
             pixels.chunks(PIXELS[0] as usize).flat_map(|row| row[from..to].iter().copied()).collect();
         assert!(part.len() > 20, "columns {from} to {to}: {} colours", part.len());
