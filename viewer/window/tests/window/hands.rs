@@ -237,6 +237,7 @@ fn a_narrow_window_hides_no_control() {
     bench.click("keep");
     let size = [860, 600];
     (0..3).for_each(|_| bench.frame_of(size, vec![]));
+    save(&bench, "narrow.png");
     let panel = bench.ui.landmark_rect("right panel").expect("panel").left();
     let at = |name: &str| bench.ui.landmark_rect(name).unwrap_or_else(|| panic!("no control {name}"));
     for name in ["keep", "wipe", "swap", "drop"] {
