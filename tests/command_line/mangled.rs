@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Number of files for each reader by default, which takes seconds.
-const FEW: usize = 150;
+const FEW: usize = 100;
 /// The longest time that a reader may take for a file of these sizes on a busy machine.
 const LONGEST: Duration = Duration::from_secs(20);
 

@@ -15,6 +15,7 @@ use mesophyll_solve::{Options, Problem, global, lm};
 pub fn bench_rows() -> Result<Vec<BenchRow>> {
     let plain = Options::default();
     let with = |options: Options| solve_all(&|problem, start| lm::minimize(problem, start, &options));
+    let standard = with(plain.clone())?;
     let mut rows = Vec::new();
     for max_iterations in [3, 5, 8, 12, 20, 50, 200] {
         let all = with(Options { max_iterations, ..plain.clone() })?;
@@ -30,15 +31,15 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     }
     let numeric = solve_all(&|problem, start| lm::minimize(&WithoutDerivatives(problem), start, &plain))?;
     rows.push(row("derivatives", "numeric".into(), &numeric));
-    rows.push(row("derivatives", "forward mode".into(), &with(plain.clone())?));
-    rows.push(row("refinement", "none".into(), &with(plain.clone())?));
+    rows.push(row("derivatives", "forward mode".into(), &standard));
+    rows.push(row("refinement", "none".into(), &standard));
     let precise = solve_all(&|problem, start| refined(problem, lm::minimize(problem, start, &plain), plain.noise))?;
     rows.push(row("refinement", "double-double".into(), &precise));
     let far = Options { initial_radius: 100.0, ..plain.clone() };
     rows.push(row("descents from a radius of 100", "one descent".into(), &with(far.clone())?));
     let scales = solve_all(&|problem, start| global::minimize_scales(problem, start, &far))?;
     rows.push(row("descents from a radius of 100", "until sound".into(), &scales));
-    rows.push(row("loop", "trust region".into(), &with(plain.clone())?));
+    rows.push(row("loop", "trust region".into(), &standard));
     for (name, solver) in loops::LOOPS {
         rows.push(row("loop", name.into(), &solve_all(&|problem, start| solver(problem, start))?));
     }
