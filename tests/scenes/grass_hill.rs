@@ -188,7 +188,7 @@ fn grass_stands_out_over_the_ridge() {
     let Silhouettes { bare, blades, slices } = silhouettes(&mut renderer, 90).unwrap();
     println!("bare {bare:.2}, blades {blades:.2}, slices {slices:.2}");
     assert!(bare > 1.0 && blades > bare + 2.0, "bare {bare}, blades {blades}");
-    assert!(slices > bare + 0.75 * (blades - bare) && slices < blades + 0.5, "bare {bare}, {blades}, {slices}");
+    assert!(slices > bare + 0.75 * (blades - bare) && slices < blades + 0.25, "bare {bare}, {blades}, {slices}");
 }
 
 /// For the path tracer every blade stands on the hill with its foot, and the ground is where the hill is.

@@ -66,7 +66,7 @@ impl ViewerUi {
             return;
         }
         ui.spacing_mut().slider_width = 140.0;
-        // A slider with its words does not wrap by itself.
+        // A slider with its words is about 180 points wide, and does not begin a new row by itself.
         if ui.available_size_before_wrap().x < 200.0 {
             ui.end_row();
         }
