@@ -155,10 +155,12 @@ impl Manifest {
                     "expected either positions_mm or all of start_mm, end_mm and frames",
                 ));
             }
-            let positions = pass.positions();
-            if positions.len() < 8 || positions.len() > 10_000 {
-                return bad(&field("frames"), &positions.len(), "8 to 10000 frames");
+            // A number that is much too large would ask for all the memory there is.
+            let count = pass.positions_mm.as_ref().map_or(pass.frames.unwrap_or(0), Vec::len);
+            if !(8..=10_000).contains(&count) {
+                return bad(&field("frames"), &count, "8 to 10000 frames");
             }
+            let positions = pass.positions();
             let (up, down) = positions.windows(2).fold((true, true), |(u, d), w| (u && w[1] > w[0], d && w[1] < w[0]));
             if !(up || down) || positions.iter().any(|p| !(p.abs() <= 1e7)) {
                 return bad(

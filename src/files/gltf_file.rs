@@ -3,11 +3,10 @@
 
 use crate::atomic::explain;
 use crate::unit::Unit;
-use crate::{Error, Result};
+use crate::{Error, Result, guard};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
 use serde_json::{Value, json};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path};
 
 /// Nodes that are nested deeper than this are taken for a cycle.
@@ -31,8 +30,8 @@ pub struct Opened {
 /// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
 pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Result<T>) -> Result<T> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
-    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes, understood).and_then(with)))
-        .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
+    guard::guarded(|| parse(path, &bytes, understood).and_then(with))
+        .unwrap_or_else(|| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
 
 /// Largest number of entries of an accessor; no mesh here has more.
@@ -44,6 +43,7 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
     // The library would refuse extensions that it does not know itself.
     let mut json = document.into_json();
     json.extensions_required.retain(|name| !understood.contains(&name.as_str()));
+    corners_exist(path, &json)?;
     let document = gltf::Document::from_json(json).map_err(bad)?;
     // Each node may have at most one parent: otherwise a small file could require an endless number of visits.
     let mut parents = vec![0usize; document.nodes().count()];
@@ -85,6 +85,25 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
         buffers.push(data);
     }
     Ok(Opened { document, buffers, unit })
+}
+
+/// Each primitive's attributes are accessors of the file. The library relies on that before it checks it.
+fn corners_exist(path: &Path, json: &gltf::json::Root) -> Result<()> {
+    for (m, mesh) in json.meshes.iter().enumerate() {
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            let outside = |(_, index): &(_, &gltf::json::Index<_>)| index.value() >= json.accessors.len();
+            if let Some((semantic, index)) = primitive.attributes.iter().find(outside) {
+                let name = match semantic {
+                    gltf::json::validation::Checked::Valid(semantic) => semantic.to_string(),
+                    gltf::json::validation::Checked::Invalid => "of an unknown name".into(),
+                };
+                let field = format!("meshes[{m}].primitives[{k}].attributes.{name}");
+                let expected = format!("the number of one of the file's {} accessors", json.accessors.len());
+                return Err(Error::unexpected(path, &field, index.value(), expected));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// An opened file as JSON and one buffer: what lies beside it, buffers and pictures, is taken in. Everything else stays

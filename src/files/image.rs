@@ -1,7 +1,7 @@
 //! Maps on disk: OpenEXR with named float channels (the truth) and 8-bit PNG (the preview).
 
 use crate::atomic::{self, Pending};
-use crate::{Error, Result, memory};
+use crate::{Error, Result, guard, memory};
 use exr::block::reader::ChunksReader;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec,
@@ -10,7 +10,6 @@ use exr::prelude::{
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// Named single-precision channels of one size; row 0 is the top row, samples are row-major.
@@ -214,10 +213,7 @@ fn decode(kind: SampleType, bytes: &[u8], out: &mut [f32]) {
 
 /// Damaged files must end in a sentence: a panic inside a codec becomes an error here.
 fn guarded<T>(path: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
-    match catch_unwind(AssertUnwindSafe(body)) {
-        Ok(result) => result,
-        Err(_) => Err(Error::input(path, "not a readable OpenEXR file (damaged)")),
-    }
+    guard::guarded(body).unwrap_or_else(|| Err(Error::input(path, "not a readable OpenEXR file (damaged)")))
 }
 
 fn broken(path: &Path, e: &exr::error::Error) -> Error {

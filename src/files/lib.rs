@@ -6,6 +6,7 @@ pub mod atomic;
 pub mod claim;
 pub mod glb;
 pub mod gltf_file;
+mod guard;
 pub mod hash;
 pub mod image;
 pub mod memory;

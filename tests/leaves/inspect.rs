@@ -170,6 +170,7 @@ fn a_manifest_that_cannot_be_read_is_one_sentence() {
         ("thickness_mm = 0.2", "thickness_mm = -0.2", "thickness_mm: found -0.2"),
         ("radius_mm = 2.5", "radius_mm = 2.5\ncolour = 3", "unknown field `colour`"),
         ("frames = 48", "frames = 3", "8 to 10000 frames"),
+        ("frames = 48", "frames = 4000000000000000", "8 to 10000 frames"),
         ("schema = 1", "schema = 2", "schema: found 2"),
     ] {
         std::fs::write(scan.join("capture.toml"), toml.replace(change, to)).unwrap();

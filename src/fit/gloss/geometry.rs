@@ -91,11 +91,12 @@ impl Geometry {
             (Some(_), None, None, None) | (None, Some(_), Some(_), Some(_)) => {}
             _ => return Err(Error::field(path, "u", "expected either u = [...] or all of u_start, u_end and frames")),
         }
-        let u = self.frames_u();
-        if u.is_empty() || u.len() > 10_000 {
-            return bad(if self.u.is_some() { "u" } else { "frames" }, &u.len(), "1 to 10000 frames");
+        // A number that is much too large would ask for all the memory there is.
+        let count = self.u.as_ref().map_or(self.frames.unwrap_or(0), Vec::len);
+        if !(1..=10_000).contains(&count) {
+            return bad(if self.u.is_some() { "u" } else { "frames" }, &count, "1 to 10000 frames");
         }
-        if let Some(wrong) = u.iter().find(|u| !u.is_finite() || u.abs() > 1e4) {
+        if let Some(wrong) = self.frames_u().iter().find(|u| !u.is_finite() || u.abs() > 1e4) {
             return bad(
                 if self.u.is_some() { "u" } else { "u_start" },
                 wrong,

@@ -327,6 +327,11 @@ fn files_that_promise_too_much_are_refused() {
         "bufferViews": [{"buffer": 0, "byteLength": 12}],
         "buffers": [{"byteLength": 12, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAA"}]}));
     assert!(sparse.contains("accessors[0].count: found 40000000000"), "{sparse}");
+    // The library itself would panic at this one.
+    let outside = told(json!({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"NORMAL": 0, "POSITION": 7}}]}],
+        "accessors": [{"componentType": 5126, "type": "VEC3", "count": 3}]}));
+    assert!(outside.contains("meshes[0].primitives[0].attributes.POSITION: found 7"), "{outside}");
 }
 
 #[test]
