@@ -1,6 +1,6 @@
 //! Checks the numbers of a leaf specification.
 
-use super::spec::{Interior, Spec};
+use super::spec::{Interior, Outline, Spec};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -84,6 +84,23 @@ impl Spec {
         if self.veins.tertiary_mm > 0.0 && self.veins.tertiary_mm < 0.2 {
             return bad("veins.tertiary_mm", self.veins.tertiary_mm.to_string(), "0, or 0.2 mm and more");
         }
+        for (field, value, [low, high]) in self.ranges() {
+            if !(low..=high).contains(&value) {
+                return bad(field, value.to_string(), &format!("{low} to {high}"));
+            }
+        }
+        // Leaves of finer veins and teeth would grow for hours, and need more memory than there is.
+        let across = self.outline.largest_mm();
+        for (field, value, most) in [
+            ("veins.tertiary_mm", self.veins.tertiary_mm, 500.0),
+            ("veins.areole_mm", self.veins.areole_mm, 5000.0),
+            ("margin.tooth_mm", self.margin.tooth_mm, 5000.0),
+        ] {
+            if value > 0.0 && value < across / most {
+                let expected = format!("0, or at least {} (1/{most} of the outline)", across / most);
+                return bad(field, value.to_string(), &expected);
+            }
+        }
         let (profile, polar) = (&self.outline.profile, &self.outline.polar);
         let rises = |list: Vec<f64>, a: f64, b: f64| {
             list.len() >= 3 && list[0] == a && list[list.len() - 1] == b && list.windows(2).all(|w| w[1] > w[0])
@@ -101,5 +118,56 @@ impl Spec {
             return bad("outline", "a negative width".into(), "half widths of zero or more and positive radii");
         }
         Ok(())
+    }
+
+    /// The fields that are neither checked to be positive nor by rules of their own, or that have an upper limit too,
+    /// and their ranges. They are wide: they keep out what no leaf can be.
+    fn ranges(&self) -> Vec<(&'static str, f64, [f64; 2])> {
+        let Spec { outline, margin, veins, relief, variation, .. } = self;
+        let length = [0.0, LONGEST_MM];
+        let mut all = vec![
+            ("field_mm", self.field_mm[0], length),
+            ("field_mm", self.field_mm[1], length),
+            ("thickness_mm", self.thickness_mm, [0.0, 100.0]),
+            ("outline.length_mm", outline.length_mm, length),
+            ("outline.bow_mm", outline.bow_mm, [-LONGEST_MM, LONGEST_MM]),
+            ("outline.petiole_mm", outline.petiole_mm, length),
+            ("outline.petiole_width_mm", outline.petiole_width_mm, length),
+            ("margin.tooth_mm", margin.tooth_mm, length),
+            ("margin.depth_mm", margin.depth_mm, [0.0, 0.5 * outline.largest_mm()]),
+            ("margin.second", margin.second, [0.0, 100.0]),
+            ("margin.second_depth_mm", margin.second_depth_mm, [0.0, 0.5 * outline.largest_mm()]),
+            ("margin.lean", margin.lean, [0.0, 1.0]),
+            ("veins.count", veins.count as f64, [0.0, 1000.0]),
+            ("veins.angle_deg", veins.angle_deg, [0.0, 180.0]),
+            ("veins.arch", veins.arch, [0.0, 1.0]),
+            ("veins.jitter", veins.jitter, [0.0, 1.0]),
+            ("relief.fold_deg", relief.fold_deg, [-85.0, 85.0]),
+            ("relief.droop_mm", relief.droop_mm, [-LONGEST_MM, LONGEST_MM]),
+            ("relief.wave_mm", relief.wave_mm, [-LONGEST_MM, LONGEST_MM]),
+            ("relief.wave_length_mm", relief.wave_length_mm, [0.01, LONGEST_MM]),
+        ];
+        let mut each = |field, values: &[f64], range| all.extend(values.iter().map(|value| (field, *value, range)));
+        each("outline.profile", &outline.profile.iter().flat_map(|[_, l, r]| [*l, *r]).collect::<Vec<_>>(), length);
+        each("outline.polar", &outline.polar.iter().map(|[_, radius]| *radius).collect::<Vec<_>>(), length);
+        each("veins.width_mm", &veins.width_mm, length);
+        each("relief.sunk_mm", &relief.sunk_mm, [-100.0, 100.0]);
+        each("relief.raised_mm", &relief.raised_mm, [-100.0, 100.0]);
+        each("relief.bulge_mm", &relief.bulge_mm, [-100.0, 100.0]);
+        each("relief.bulge_width_mm", &relief.bulge_width_mm, length);
+        each("variation.veins", &variation.veins, [-1.0, 100.0]);
+        each("variation.lamina", &variation.lamina, [0.0, 100.0]);
+        all
+    }
+}
+
+/// The longest leaf (mm): the leaves of some palms reach 25 m, and no leaflet does.
+const LONGEST_MM: f64 = 30_000.0;
+
+impl Outline {
+    /// The largest of its lengths, half widths and radii (mm).
+    fn largest_mm(&self) -> f64 {
+        let widths = self.profile.iter().flat_map(|[_, left, right]| [*left, *right]);
+        widths.chain(self.polar.iter().map(|[_, radius]| *radius)).fold(self.length_mm, f64::max)
     }
 }
