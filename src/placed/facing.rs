@@ -34,18 +34,19 @@ impl Facing {
             return;
         }
         let turn = DMat3::from_mat4(placement.transform).inverse().transpose();
-        let positions: Vec<DVec3> = mesh.positions.iter().map(|p| placement.transform.transform_point3(*p)).collect();
         let normals: Vec<DVec3> = mesh.normals.iter().map(|n| (turn * *n).normalize_or_zero()).collect();
         let sides =
             |cosines: &[f64], edge: f64| [cosines.iter().any(|c| *c > -edge), cosines.iter().any(|c| *c < edge)];
         for t in 0..mesh.triangles() {
             let corner = mesh.triangle(t);
             let sunny = sun.map(|(l, radius)| sides(&corner.map(|k| normals[k].dot(l)), EDGE + radius.sin()));
+            // Most triangles show nothing that others have not shown, wherever they are seen from.
+            if !self.lacks(0, sunny) && !self.lacks(1, sunny) {
+                continue;
+            }
+            let positions = corner.map(|k| placement.transform.transform_point3(mesh.positions[k]));
             for eye in eyes {
-                if self.is_full(sun.is_some()) {
-                    return;
-                }
-                let towards = corner.map(|k| (*eye - positions[k]).normalize_or_zero());
+                let towards = positions.map(|p| (*eye - p).normalize_or_zero());
                 let seen = sides(corner.map(|k| towards.map(|v| normals[k].dot(v))).as_flattened(), EDGE);
                 for side in [0, 1].into_iter().filter(|s| seen[*s]) {
                     self.seen[side] = true;
@@ -55,7 +56,16 @@ impl Facing {
                     }
                 }
             }
+            if self.is_full(sun.is_some()) {
+                return;
+            }
         }
+    }
+
+    /// Whether there is anything new in a side that is seen on a triangle whose sides `sunny` the sun shines on.
+    fn lacks(&self, side: usize, sunny: Option<[bool; 2]>) -> bool {
+        !self.seen[side]
+            || sunny.is_some_and(|sunny| sunny[side] && !self.lit[side] || sunny[1 - side] && !self.through[side])
     }
 
     fn is_full(&self, sun: bool) -> bool {

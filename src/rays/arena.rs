@@ -32,7 +32,7 @@ pub(crate) struct Tree {
     pub frame: Frame,
     /// The box around everything, in the caller's units.
     pub bounds: Bounds,
-    /// Largest number of children that can wait at the same time.
+    /// Largest number of children that can wait at the same time, with room for the lanes of one more node.
     pub waiting: usize,
 }
 
@@ -79,7 +79,7 @@ impl Tree {
             lines[at + 3].0[0] = codes;
         }
         lines.shrink_to_fit();
-        Tree { lines, frame, bounds, waiting: (WIDTH - 1) * deepest + 1 }
+        Tree { lines, frame, bounds, waiting: (WIDTH - 1) * deepest + 1 + WIDTH }
     }
 
     /// The node that begins at a line.

@@ -36,12 +36,7 @@ pub struct Forest {
     pub(crate) placed: Vec<Instance>,
     pub(crate) tree: Tree,
     pub(crate) instructions: InstructionSet,
-    /// Whether many rays at once are followed in turns.
-    pub(crate) turns: bool,
 }
-
-/// Bytes above which rays wait for memory so often that turns pay: several times what a core's own cache holds.
-const LARGE: usize = 4 << 20;
 
 impl Forest {
     /// `placed` holds, for each instance, the index of its shape and its local → world transform (affine, invertible).
@@ -65,20 +60,12 @@ impl Forest {
             .iter()
             .map(|(shape, transform)| Instance { shape: *shape, to_local: DAffine3::from_mat4(transform.inverse()) })
             .collect();
-        let trees = shapes.iter().map(|shape| size_of_val(&shape.triangles[..]) + size_of_val(&shape.tree.lines[..]));
-        let bytes = trees.sum::<usize>() + size_of_val(&tree.lines[..]) + size_of_val::<[Instance]>(&placed);
-        Forest { shapes, placed, tree, instructions: InstructionSet::detect(), turns: bytes > LARGE }
+        Forest { shapes, placed, tree, instructions: InstructionSet::detect() }
     }
 
     /// The same forest searched with other instructions, if the processor has them; for tests and measurements.
     pub fn with_instructions(mut self, set: InstructionSet) -> Forest {
         self.instructions = set.or_less();
-        self
-    }
-
-    /// The same forest, which follows many rays in turns, or does not, whatever its size: for tests and measurements.
-    pub fn in_turns(mut self, turns: bool) -> Forest {
-        self.turns = turns;
         self
     }
 

@@ -25,6 +25,7 @@ mod forest;
 mod frame;
 mod lanes;
 mod many;
+mod neighbours;
 mod ray;
 mod shape;
 mod triangle;

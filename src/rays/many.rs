@@ -1,10 +1,8 @@
 //! Many rays at once: several are followed in turns, a node or a packet each, so that what one needs next comes from
 //! memory while the others are computed.
 //!
-//! A ray makes the same steps as alone ([`crate::walk`], [`crate::forest`]); only when it makes them is different, and
-//! the answers are the same, bit by bit. It pays where rays differ and a forest is larger than a core's own cache;
-//! smaller forests are met by one ray after the other. Rays that follow each other closely, as a camera's do, find what
-//! they need in the cache, and are faster one by one.
+//! The answers are those that each ray gets alone ([`crate::walk`], [`crate::forest`]), bit by bit. It pays where rays
+//! differ; for those that are close to each other see [`crate::neighbours`].
 
 use crate::arena::{LEAF, Line, Tree};
 use crate::forest::{Accept, First, Forest, Hit};
@@ -12,7 +10,7 @@ use crate::lanes::{Lanes, dispatch, prefetch};
 use crate::ray::Ray;
 use crate::shape::{Shape, Triangles, Tried};
 use crate::triangle::PACKET;
-use crate::walk::{Local, Visit, Waiting, back, descend};
+use crate::walk::{Local, Visit, Waiting, back, descend_without_branches};
 
 /// So many rays take turns: as many steps of other rays take about as long as the memory to answer.
 const TURNS: usize = 16;
@@ -21,12 +19,12 @@ const TURNS: usize = 16;
 const FEW: usize = 8;
 
 impl Forest {
-    /// What [`Forest::nearest`] gives, for each of many rays; faster where the rays differ and the forest is large.
+    /// What [`Forest::nearest`] gives, for each of many rays; faster where the rays differ.
     pub fn nearest_of_each<A>(&self, rays: &[Ray], accept: A) -> Vec<Option<Hit>>
     where
         A: Fn(usize, usize, [f64; 2]) -> bool,
     {
-        if !self.turns || rays.len() < FEW {
+        if rays.len() < FEW {
             return rays.iter().map(|ray| self.nearest(ray, &accept)).collect();
         }
         let mut hits = vec![None; rays.len()];
@@ -219,9 +217,8 @@ impl<'a> Walker<'a> {
         waiting: &mut [Waiting],
     ) -> bool {
         let code = self.current.code;
-        let mut next = None;
         if !AT_LEAF {
-            next = descend::<L, false, false>(self.tree, &self.local, code, self.s, waiting, &mut self.count);
+            descend_without_branches::<L>(self.tree, &self.local, code, self.s, waiting, &mut self.count);
         } else if let Some(shape) = self.shape {
             let Walker { instance, tried, first, local, limit, current, s, .. } = self;
             let before = *limit;
@@ -235,7 +232,7 @@ impl<'a> Walker<'a> {
         } else if self.enter(forest, &rays[self.number], (code & !LEAF) as usize, self.outer.t(self.current.near)) {
             return true;
         }
-        next = next.or_else(|| back(waiting, &mut self.count, self.instances, self.s));
+        let mut next = back(waiting, &mut self.count, self.instances, self.s);
         if next.is_none()
             && let Some(shape) = self.shape
         {

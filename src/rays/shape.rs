@@ -103,6 +103,7 @@ const LATER: usize = 8;
 /// Where f32 is sure that a solid triangle is hit, it lowers the limit at once to the largest distance that f32 allows.
 /// The f64 test follows when the walk is over; by then the triangle's corners have arrived from memory. The result
 /// stays the same, because every other triangle that may be as near is tested too.
+#[derive(Clone, Copy)]
 pub(crate) struct Tried {
     /// In the shape's own space.
     ray: Ray,

@@ -192,9 +192,6 @@ pub(crate) fn candidates<'a, L: Lanes>(
     let tolerance = size.mul_add(size.mul_add(L::splat(128.0 * U), L::splat(local.tolerance.edge)), tiny);
     let least = b0.min(b1).min(b2);
     let inside = zero.at_most(least.add(tolerance));
-    if inside == 0 {
-        return None;
-    }
     let t = dot(second, q).flip(sign);
     let unit = size.mul(size).mul(L::splat(64.0 * U));
     let slack = unit.mul_add(L::splat(local.tolerance.reach), tiny);
@@ -209,7 +206,7 @@ pub(crate) fn candidates<'a, L: Lanes>(
     let within = sure & t.add(slack_at_limit).at_most(below.mul(det));
     // The factor allows for three roundings, and for as many more.
     let farthest = t.add(slack).div(det.sub(unit)).mul(L::splat(1.0 + 8.0 * U));
-    Some(Candidates { lanes, sure, within, farthest, ids: &lines[4].0[1] })
+    (lanes != 0).then_some(Candidates { lanes, sure, within, farthest, ids: &lines[4].0[1] })
 }
 
 // Functions instead of closures, so that the compiler uses the instruction set of the caller.

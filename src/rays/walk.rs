@@ -11,7 +11,7 @@ use glam::DVec3;
 const U: f32 = 1.0 / (1 << 24) as f32;
 
 /// A value larger than every s at which a box of a tree can be hit in the tree's frame.
-const FARTHEST: f32 = 64.0;
+pub(crate) const FARTHEST: f32 = 64.0;
 
 /// A ray in a tree's frame, in f32. Its parameter is s = t·per_t − start. It is chosen so that everything in the tree
 /// lies at s ≥ 0, and the largest component of the direction is between ½ and 1.
@@ -109,16 +109,17 @@ impl Local {
         (f64::from(s) + self.start) / self.per_t
     }
 
-    /// The boxes of a node that the ray enters before s, as bits, and the s where it enters each.
+    /// For each of a node's boxes the s where the ray enters it, and where it leaves it or comes to the given s. It
+    /// misses a box that it would leave before it enters.
     #[inline(always)]
-    fn boxes<L: Lanes>(&self, node: &[Line; NODE], s: L) -> (u32, L) {
+    pub fn boxes<L: Lanes>(&self, node: &[Line; NODE], s: L) -> [L; 2] {
         let [x, y, z] = self.first;
         let near = self
             .enter::<L>(node, 0, x)
             .max(self.enter::<L>(node, 1, y))
             .max(self.enter::<L>(node, 2, z).max(L::splat(0.0)));
         let far = self.leave::<L>(node, 0, x).min(self.leave::<L>(node, 1, y)).min(self.leave::<L>(node, 2, z).min(s));
-        (near.at_most(far), near)
+        [near, far]
     }
 
     #[inline(always)]
@@ -160,6 +161,7 @@ pub(crate) trait Visit<L> {
 
 /// A child that waits to be visited: its code, and the s where the ray enters its box.
 #[derive(Debug, Clone, Copy, Default)]
+#[repr(C)]
 pub(crate) struct Waiting {
     pub code: u32,
     pub near: f32,
@@ -167,8 +169,8 @@ pub(crate) struct Waiting {
 
 /// Sizes of the arrays of waiting children that fit on the stack: enough for trees of 9 and of 18 levels. A smaller
 /// array is cleared faster, which every ray has to do.
-const FEW: usize = 64;
-const USUAL: usize = 128;
+const FEW: usize = 72;
+const USUAL: usize = 136;
 
 /// Visits the leaves whose boxes the ray meets before `limit`, near ones first, or with `ANY` in no certain order. True
 /// when a visit ended it.
@@ -217,7 +219,7 @@ fn walk_with<L: Lanes, const ANY: bool, V: Visit<L>>(
     let mut current = Waiting::default();
     loop {
         if current.code & LEAF == 0 {
-            if let Some(nearest) = descend::<L, true, ANY>(tree, ray, current.code, s, waiting, &mut count) {
+            if let Some(nearest) = descend::<L, ANY>(tree, ray, current.code, s, waiting, &mut count) {
                 current = nearest;
                 continue;
             }
@@ -237,11 +239,32 @@ fn walk_with<L: Lanes, const ANY: bool, V: Visit<L>>(
     }
 }
 
-/// The nearest of a node's children that the ray meets before s, if any; the others wait, nearer ones on top. With
-/// `ANY` they come as they lie: whatever is met ends the search, and their order costs more than it saves. `AHEAD` asks
-/// the memory for all of them where there are several.
+/// Lets a node's children that the ray meets before s wait, the nearest on top.
+///
+/// Which boxes a ray meets, and in which order, cannot be foreseen unless the ray before was almost the same. Where the
+/// processor guesses a branch wrongly, it throws away what it has begun, also of other rays. So nothing here branches;
+/// [`descend`] does, and is faster for rays that follow each other closely.
 #[inline(always)]
-pub(crate) fn descend<L: Lanes, const AHEAD: bool, const ANY: bool>(
+pub(crate) fn descend_without_branches<L: Lanes>(
+    tree: &Tree,
+    ray: &Local,
+    code: u32,
+    s: f32,
+    waiting: &mut [Waiting],
+    count: &mut usize,
+) {
+    let node = tree.node(code);
+    let [near, far] = ray.boxes::<L>(node, L::splat(s));
+    // `Tree::waiting` counts all lanes of the last node, whether the ray meets their boxes or not.
+    let room = waiting[*count..].first_chunk_mut().expect("room for a node's children");
+    *count += near.order(far, &node[3].0[0], room);
+}
+
+/// The nearest of a node's children that the ray meets before s, if any; the others wait, nearer ones on top. With
+/// `ANY` they come as they lie: whatever is met ends the search, and their order costs more than it saves. The memory is
+/// asked for all of them where there are several.
+#[inline(always)]
+fn descend<L: Lanes, const ANY: bool>(
     tree: &Tree,
     ray: &Local,
     code: u32,
@@ -249,13 +272,10 @@ pub(crate) fn descend<L: Lanes, const AHEAD: bool, const ANY: bool>(
     waiting: &mut [Waiting],
     count: &mut usize,
 ) -> Option<Waiting> {
-    let fetch = |code: u32| {
-        if AHEAD {
-            prefetch::<NODE, _>(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
-        }
-    };
+    let fetch = |code: u32| prefetch::<NODE, _>(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
     let node = tree.node(code);
-    let (mut hits, near) = ray.boxes::<L>(node, L::splat(s));
+    let [near, far] = ray.boxes::<L>(node, L::splat(s));
+    let mut hits = near.at_most(far);
     if hits == 0 {
         return None;
     }

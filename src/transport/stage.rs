@@ -55,12 +55,6 @@ impl<'a> Stage<'a> {
         Stage { world, forest, repeat, instance, turn, step }
     }
 
-    /// The same stage, which follows many rays in turns although it is small.
-    #[cfg(test)]
-    pub fn in_turns(self) -> Stage<'a> {
-        Stage { forest: self.forest.in_turns(true), ..self }
-    }
-
     /// The leaf of an instance.
     pub fn leaf(&self, instance: usize) -> &'a ReferenceLeaf {
         &self.world.leaves[self.world.instances[instance].leaf]
@@ -93,16 +87,24 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// The first hit of each of many rays. This is faster than one by one where the rays differ and the scene is large.
+    /// The first hit of each of many rays. This is faster than one by one where the rays differ.
     pub fn nearest_of_each(&self, rays: &[Ray]) -> Vec<Option<Met>> {
+        self.nearest_of(rays, |rays| self.forest.nearest_of_each(rays, |i, t, b| self.on_leaf(i, t, b)))
+    }
+
+    /// The same; faster where each ray is close to the next.
+    pub fn nearest_of_neighbours(&self, rays: &[Ray]) -> Vec<Option<Met>> {
+        self.nearest_of(rays, |rays| self.forest.nearest_of_neighbours(rays, |i, t, b| self.on_leaf(i, t, b)))
+    }
+
+    fn nearest_of(&self, rays: &[Ray], find: impl FnOnce(&[Ray]) -> Vec<Option<Hit>>) -> Vec<Option<Met>> {
         if self.repeat.is_some() {
             return rays.iter().map(|ray| self.nearest(ray)).collect();
         }
-        let hits = self.forest.nearest_of_each(rays, |i, t, b| self.on_leaf(i, t, b));
         let met = |(ray, hit): (&Ray, Option<Hit>)| {
             hit.map(|hit| Met { ray: *ray, hit: Hit { instance: self.instance[hit.instance], ..hit } })
         };
-        rays.iter().zip(hits).map(met).collect()
+        rays.iter().zip(find(rays)).map(met).collect()
     }
 
     /// Fetches from memory, ahead of time, the corners' numbers that [`Stage::surface`] will read.
@@ -295,8 +297,9 @@ impl<'a> Surface<'a> {
 
     /// ρs and m of the viewed side; `None` if it is not glossy.
     pub fn gloss(&self) -> Option<([f64; 3], f64)> {
+        let gloss = self.viewed().gloss.as_ref()?;
         let taps = self.taps(false);
-        self.viewed().gloss.as_ref().map(|g| (taps.colour(&g.rho_s), taps.scalar(&g.m)))
+        Some((taps.colour(&gloss.rho_s), taps.scalar(&gloss.m)))
     }
 
     /// The factor that replaces ρt times a cosine, where maps describe how the sun's light passes; `rho_t` is

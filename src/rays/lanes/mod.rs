@@ -4,6 +4,8 @@
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use crate::walk::Waiting;
+
 /// Number of lanes of a vector.
 pub(crate) const WIDTH: usize = 8;
 
@@ -35,6 +37,12 @@ pub(crate) trait Lanes: Copy {
     fn flip(self, o: Self) -> Self;
     /// The lanes where self ≤ o.
     fn at_most(self, o: Self) -> u32;
+    /// Takes the lanes where `self` ≤ `far` into order, the largest `self` first, and returns how many there are. Entry
+    /// k of `to` becomes the code of the k-th of them and its value (at least 0), less the last three bits. What is
+    /// written behind them has no meaning.
+    fn order(self, far: Self, codes: &[u32; WIDTH], to: &mut [Waiting; WIDTH]) -> usize;
+    /// self where self ≤ far, and +∞ elsewhere.
+    fn or_infinite(self, far: Self) -> Self;
     /// The lanes where the sign bit is set.
     fn signs(self) -> u32;
 }
@@ -106,6 +114,25 @@ impl Lanes for Plain {
     #[inline(always)]
     fn at_most(self, o: Self) -> u32 {
         (0..WIDTH).fold(0, |mask, k| mask | u32::from(self.0[k] <= o.0[k]) << k)
+    }
+    #[inline(always)]
+    fn order(self, far: Self, codes: &[u32; WIDTH], to: &mut [Waiting; WIDTH]) -> usize {
+        let mut count = 0;
+        for lane in (0..WIDTH).filter(|k| self.0[*k] <= far.0[*k]) {
+            let near = f32::from_bits(self.0[lane].to_bits() & !(WIDTH as u32 - 1));
+            let mut at = count;
+            while at > 0 && to[at - 1].near < near {
+                to[at] = to[at - 1];
+                at -= 1;
+            }
+            to[at] = Waiting { code: codes[lane], near };
+            count += 1;
+        }
+        count
+    }
+    #[inline(always)]
+    fn or_infinite(self, far: Self) -> Self {
+        self.with(far, |a, b| if a <= b { a } else { f32::INFINITY })
     }
     #[inline(always)]
     fn signs(self) -> u32 {

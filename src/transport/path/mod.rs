@@ -171,18 +171,21 @@ impl<'a> Tracer<'a> {
         let most = bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
         let by_lights = self.lights.drawn(strategy);
         let (mut paths, mut open, mut rays, mut turns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for (k, (ray, samples)) in begun.into_iter().enumerate() {
-            let mut brought = Brought::default();
-            // Neighbours see much the same: one by one is faster.
-            match self.stage.nearest(&ray) {
+        for (ray, samples) in begun {
+            rays.push(ray);
+            paths.push(Path { samples, carried: [1.0; 3], brought: Brought::default() });
+        }
+        for (k, met) in self.stage.nearest_of_neighbours(&rays).into_iter().enumerate() {
+            let brought = &mut paths[k].brought;
+            match met {
                 Some(met) => {
                     brought.met = true;
                     open.push((k, met));
                 }
-                None => brought.radiance = self.background(ray.direction),
+                None => brought.radiance = self.background(rays[k].direction),
             }
-            paths.push(Path { samples, carried: [1.0; 3], brought });
         }
+        rays.clear();
         for turned in 1..=most {
             if open.is_empty() {
                 break;

@@ -128,7 +128,6 @@ fn paths_side_by_side_bring_what_they_bring_alone() {
     }
     for bounces in [None, Some(3)] {
         let tracer = Tracer::new(&world, Paths { bounces, strategy: Strategy::Both }).unwrap();
-        let tracer = Tracer { stage: tracer.stage.in_turns(), ..tracer };
         let begin = |k: u32| {
             let f = f64::from(k);
             let from = DVec3::new(f.sin() * 20.0, f.cos() * 20.0, 30.0);

@@ -1,4 +1,4 @@
-//! Rays that are followed in turns have the answers that they have alone.
+//! Rays that are followed in turns or in groups have the answers that they have alone.
 
 use crate::common::{Accept, EVERY, numbered, one_by_one, placement, point, seeded, soup, variants, with_every_set};
 use glam::{DMat4, DVec3};
@@ -7,8 +7,8 @@ use rand::RngExt;
 
 /// Fails where the rays together have other answers than one by one, in any bit; gives how many meet something.
 fn same(forest: &Forest, rays: &[Ray], accept: Accept) -> usize {
-    let together = forest.clone().in_turns(true).nearest_of_each(rays, accept);
-    assert_eq!(together, forest.clone().in_turns(false).nearest_of_each(rays, accept));
+    let together = forest.nearest_of_each(rays, accept);
+    assert_eq!(together, forest.nearest_of_neighbours(rays, accept));
     assert_eq!(together.len(), rays.len());
     for (ray, found) in rays.iter().zip(&together) {
         assert_eq!(*found, forest.nearest(ray, accept), "{ray:?}");
@@ -43,7 +43,7 @@ fn one_mesh_is_met_as_without_a_tree() {
             .collect();
         for forest in variants(&mesh) {
             hits += same(&forest, &rays, EVERY);
-            assert_eq!(forest.in_turns(true).nearest_of_each(&rays, EVERY), alone);
+            assert_eq!(forest.nearest_of_each(&rays, EVERY), alone);
         }
     }
     assert!(hits > 5000, "{hits}");
@@ -58,15 +58,21 @@ fn instances_and_outlines_are_met_as_alone() {
     let shapes = meshes.iter().map(|m| Shape::with_solid(m, &numbered(m), |k| k % 4 == 0)).collect();
     let placed: Vec<_> = (0..50).map(|k| (k % 3, placement(&mut rng, 4.0))).collect();
     let forest = Forest::new(shapes, &placed);
-    let mut hits = 0;
-    for count in [0, 1, 15, 16, 17, 1500] {
+    let mut hits = [0; 2];
+    for count in [0, 1, 7, 8, 15, 16, 17, 1500] {
         let start = |rng: &mut _| point(rng, 6.0);
         let rays: Vec<Ray> = (0..count).map(|_| Ray::new(start(&mut rng), point(&mut rng, 1.0))).collect();
+        // A camera's rays: one origin, and directions that differ little from one to the next.
+        let eye = point(&mut rng, 9.0);
+        let picture: Vec<Ray> = (0..count)
+            .map(|k| Ray::new(eye, DVec3::new(0.02 * (k % 50) as f64, 0.05 * (k / 50) as f64, 0.0) - eye))
+            .collect();
         for forest in with_every_set(&forest) {
-            hits += same(&forest, &rays, outline);
+            hits[0] += same(&forest, &rays, outline);
+            hits[1] += same(&forest, &picture, outline);
         }
     }
-    assert!(hits > 300, "{hits}");
+    assert!(hits.iter().all(|hits| *hits > 300), "{hits:?}");
 }
 
 /// Nothing is met where there is nothing.
