@@ -171,3 +171,38 @@ impl Outline {
         widths.chain(self.polar.iter().map(|[_, radius]| *radius)).fold(self.length_mm, f64::max)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The elm with one field changed: what is said of it, or nothing.
+    fn told(change: impl FnOnce(&mut Spec)) -> Option<String> {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/leaves/elm.toml"));
+        let mut spec = Spec::read(path).unwrap();
+        change(&mut spec);
+        spec.validate(path).err().map(|e| e.to_string())
+    }
+
+    #[test]
+    fn leaves_that_would_grow_for_ever_are_refused_by_name() {
+        assert_eq!(told(|_| {}), None);
+        assert_eq!(told(|s| s.veins.tertiary_mm = 0.0), None);
+        let wrong: [(&str, fn(&mut Spec)); 8] = [
+            ("outline.length_mm: found 4000000000000000", |s| s.outline.length_mm = 4e15),
+            ("outline.bow_mm: found inf", |s| s.outline.bow_mm = f64::INFINITY),
+            ("outline.profile: found 1000000000", |s| s.outline.profile[3][1] = 1e9),
+            ("margin.depth_mm: found 4000", |s| s.margin.depth_mm = 4000.0),
+            ("margin.tooth_mm: found 0.000001", |s| s.margin.tooth_mm = 1e-6),
+            ("veins.count: found 4000000000", |s| s.veins.count = 4_000_000_000),
+            ("veins.tertiary_mm: found 0.2, expected 0, or at least 2", |s| {
+                (s.outline.length_mm, s.veins.tertiary_mm) = (1000.0, 0.2);
+            }),
+            ("relief.wave_mm: found NaN", |s| s.relief.wave_mm = f64::NAN),
+        ];
+        for (expected, change) in wrong {
+            let found = told(change).unwrap_or_default();
+            assert!(found.contains(expected), "{found:?}, expected {expected:?}");
+        }
+    }
+}
