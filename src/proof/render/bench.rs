@@ -9,7 +9,7 @@ use glam::DVec3;
 use mesophyll_rays::{Forest, Hit, Ray, Shape};
 use std::hint::black_box;
 
-/// Incoherent rays are asked for in lots of this size, as the path tracer does.
+/// Rays of a camera and incoherent ones are asked for in lots of this size, as the path tracer does.
 const AT_ONCE: usize = 256;
 
 /// The three kinds of rays.
@@ -28,12 +28,15 @@ impl Foliage {
     /// that any triangle is met, −1 none.
     fn found(&self, kind: &str) -> Vec<i32> {
         let rays = self.rays(kind);
-        if kind == "incoherent" {
-            // As the path tracer asks such rays: many at once.
-            let hits = rays.chunks(AT_ONCE).flat_map(|rays| self.forest.nearest_of_each(rays, |_, _, _| true));
-            return hits.map(triangle).collect();
+        // As the path tracer asks such rays: many at once.
+        let many = |find: fn(&Forest, &[Ray]) -> Vec<Option<Hit>>| {
+            rays.chunks(AT_ONCE).flat_map(|rays| find(&self.forest, rays)).map(triangle).collect()
+        };
+        match kind {
+            "camera" => many(|forest, rays| forest.nearest_of_neighbours(rays, |_, _, _| true)),
+            "incoherent" => many(|forest, rays| forest.nearest_of_each(rays, |_, _, _| true)),
+            _ => rays.iter().map(|ray| -i32::from(!self.forest.blocked(ray, |_, _, _| true))).collect(),
         }
-        rays.iter().map(|ray| answer(&self.forest, kind, ray)).collect()
     }
 
     /// Time of a ray of a kind (µs), measured once over all rays.
@@ -47,15 +50,6 @@ impl Foliage {
 /// The triangle of a hit; −1: none.
 fn triangle(hit: Option<Hit>) -> i32 {
     hit.map_or(-1, |hit| hit.triangle as i32)
-}
-
-#[inline]
-fn answer(forest: &Forest, kind: &str, ray: &Ray) -> i32 {
-    if kind == "shadow" {
-        forest.blocked(ray, |_, _, _| true) as i32 - 1
-    } else {
-        triangle(forest.nearest(ray, |_, _, _| true))
-    }
 }
 
 /// One row for each kind of rays. Its error is the share of 300 rays whose answer differs from that of a search without
