@@ -261,8 +261,8 @@ pub(crate) fn descend_without_branches<L: Lanes>(
 }
 
 /// The nearest of a node's children that the ray meets before s, if any; the others wait, nearer ones on top. With
-/// `ANY` they come as they lie: whatever is met ends the search, and their order costs more than it saves. The memory is
-/// asked for all of them where there are several.
+/// `ANY` they come as they lie: whatever is met ends the search, and their order costs more than it saves. The memory
+/// is asked for all of them where there are several.
 #[inline(always)]
 fn descend<L: Lanes, const ANY: bool>(
     tree: &Tree,

@@ -1,6 +1,6 @@
 //! Random damage to files. Every reader gets files of the repository with changed bytes, and must return a value or an
-//! error. It must never panic, and never take much time or memory. Where a reader turns a library's panic into an error,
-//! a panic in this project's own code still counts.
+//! error. It must never panic, and never take much time or memory. Where a reader turns a library's panic into an
+//! error, a panic in this project's own code still counts.
 //!
 //! `MESOPHYLL_MANGLED=100000 cargo test --workspace --test command_line mangled:: -- --nocapture` tries that many files
 //! for each reader. A failure prints the seed that makes the same file again.
