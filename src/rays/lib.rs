@@ -12,7 +12,8 @@
 //! is sure that a solid triangle is hit, a search for any hit ends at once, and a search for the nearest hit postpones
 //! the f64 test to its end ([`shape`]).
 //!
-//! Many rays at once are followed in turns ([`many`]), and rays that are close to each other in groups ([`neighbours`]).
+//! Many rays at once are followed in turns ([`many`]), and rays that are close to each other in groups
+//! ([`neighbours`]).
 //!
 //! The caller chooses the units. Each tree uses its own frame, in which its box spans −1 to 1 ([`frame`]), so lengths
 //! may be of any size.
