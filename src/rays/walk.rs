@@ -159,7 +159,7 @@ pub(crate) trait Visit<L> {
     fn leaf(&mut self, code: u32, local: &Local, near: f32, s: f32, limit: &mut f64) -> bool;
 }
 
-/// A child that waits to be visited: its code, and the s where the ray enters its box.
+/// A child that waits to be visited: its code, and the s where the ray enters its box, or a little less.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C)]
 pub(crate) struct Waiting {
