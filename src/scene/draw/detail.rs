@@ -1,11 +1,11 @@
 //! Coarser triangulations of a blade for views from afar. They have a thinned outline and, inside it, vertices by
 //! greedy insertion (Garland & Heckbert 1995, "Fast polygonal approximation of terrains and height fields"), until the
 //! vertices that are left out are within a distance and an angle. Levels share the mesh's vertices. So each costs only
-//! a list of indices, and its normals are the mesh's own. The coarsest is a card with vertices of its own (`flat`).
-//! Lengths are in mm.
+//! a list of indices, and its normals are the mesh's own. The coarsest are flat pieces with vertices of their own
+//! (`flat`). Lengths are in mm.
 
 use super::flat;
-use glam::{DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit::leaf::blade::outline::simplify;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
@@ -27,6 +27,8 @@ pub struct Detail {
 /// for shadow maps, where only the outline and the distance count.
 const LEVELS: [(f64, f64); 5] = [(0.001, 2.0), (0.003, 4.0), (0.01, 8.0), (0.03, 12.0), (0.03, ANY_ANGLE)];
 const ANY_ANGLE: f64 = 180.0;
+/// Numbers of corners of the flat pieces, the finest first.
+const CORNERS: [usize; 2] = [6, 4];
 /// A level is dropped if it has more than this share of the triangles of the one before.
 const WORTH: f64 = 0.7;
 
@@ -63,25 +65,29 @@ pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
     out
 }
 
-/// As [`levels`], with a card as the coarsest lit level and for shadow maps, where a card can stand for the blade. The
-/// vertices of the card are to be appended to the mesh's. `shown` as in [`flat::flat`].
-pub fn levels_with_card(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>) -> (Vec<Detail>, LeafMesh) {
-    let mut out = levels(mesh);
-    let lit = out.iter().filter(|d| !d.outline_only).count();
-    let before = lit.checked_sub(1).map_or(mesh.triangles(), |k| out[k].indices.len() / 3);
-    let found = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)).and_then(|r| flat::flat(mesh, &r, shown));
-    let Some(card) = found.filter(|c| c.piece.triangles() < (WORTH * before as f64) as usize) else {
-        return (out, LeafMesh::default());
-    };
-    let first = mesh.positions.len() as u32;
-    let indices: Vec<u32> = card.piece.indices.iter().map(|k| first + k).collect();
-    let level = Detail { indices, error_mm: card.error_mm, outline_only: false };
-    // Shadow maps take the last level that is near enough to the mesh.
-    if lit < out.len() {
-        out.push(Detail { outline_only: true, ..level.clone() });
+/// As [`levels`], with flat pieces as the coarsest lit levels and for shadow maps, where they can stand for the blade.
+/// Their vertices are to be appended to the mesh's. `shown` as in [`flat::flat`].
+pub fn levels_with_pieces(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>) -> (Vec<Detail>, LeafMesh) {
+    let (mut out, mut more) = (levels(mesh), LeafMesh::default());
+    let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return (out, more) };
+    let outlines = out.split_off(out.iter().filter(|d| !d.outline_only).count());
+    let mut before = out.last().map_or(mesh.triangles(), |d| d.indices.len() / 3);
+    let fewest = outlines.last().map_or(before, |d| d.indices.len() / 3);
+    let mut pieces = Vec::new();
+    for corners in CORNERS {
+        let found = flat::flat(mesh, &rings, corners, shown);
+        let Some(flat) = found.filter(|c| (c.piece.triangles() as f64) < WORTH * before as f64) else { continue };
+        before = flat.piece.triangles();
+        let first = (mesh.positions.len() + more.positions.len()) as u32;
+        let indices: Vec<u32> = flat.piece.indices.iter().map(|k| first + k).collect();
+        pieces.push(Detail { indices, error_mm: flat.error_mm, outline_only: false });
+        more.append(&flat.piece, DMat4::IDENTITY);
     }
-    out.insert(lit, level);
-    (out, card.piece)
+    out.extend_from_slice(&pieces);
+    // Shadow maps take the last level that is near enough to the mesh.
+    let again = pieces.into_iter().filter(|d| !outlines.is_empty() && d.indices.len() / 3 < fewest);
+    out.extend(outlines.iter().cloned().chain(again.map(|d| Detail { outline_only: true, ..d })));
+    (out, more)
 }
 
 /// Whether every facet faces the front, so that x and y determine a place on the blade.

@@ -1,7 +1,7 @@
-//! The coarsest level of a blade, a card: a flat piece of four corners. Its plane is perpendicular to the blade's
-//! vector area ∫ n dA, and its area is that vector's length. So, from every direction from which the blade does not
-//! hide itself, the piece covers as much of the picture as the blade, and as much sunlight falls on it. Lengths are in
-//! mm.
+//! The coarsest levels of a blade: flat pieces of a few corners. One with four corners is a card. Their plane is
+//! perpendicular to the blade's vector area ∫ n dA, and their area is that vector's length. So, from every direction
+//! from which the blade does not hide itself, a piece covers as much of the picture as the blade, and as much sunlight
+//! falls on it. Lengths are in mm.
 
 use super::polygon;
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
@@ -24,8 +24,6 @@ const OFF_MAP: f64 = 0.05;
 /// Points along an edge of the piece where its distance from the blade's outline is measured.
 const ALONG: usize = 16;
 
-/// Number of the piece's corners.
-const CORNERS: usize = 4;
 /// Largest relative difference between what a mask leaves of the blade and of the piece.
 const OFF_MASK: f64 = 0.02;
 /// Number of points on which that is counted.
@@ -48,10 +46,16 @@ impl Plane {
     }
 }
 
-/// The piece for a blade whose boundary is `rings`. With `shown`, only the texture coordinates for which it is true
-/// belong to the blade. `None` where the piece would be lit or coloured otherwise than the blade, where a mask would
-/// leave more or less of it, where its corners cannot be found, or where holes are a tenth of the blade or more.
-pub fn flat(mesh: &LeafMesh, rings: &[Vec<u32>], shown: Option<&dyn Fn(DVec2) -> bool>) -> Option<Flat> {
+/// The piece with so many `corners` for a blade whose boundary is `rings`. With `shown`, only the texture coordinates
+/// for which it is true belong to the blade. `None` where the piece would be lit or coloured otherwise than the blade,
+/// where a mask would leave more or less of it, where its corners cannot be found, or where holes are a tenth of the
+/// blade or more.
+pub fn flat(
+    mesh: &LeafMesh,
+    rings: &[Vec<u32>],
+    corners: usize,
+    shown: Option<&dyn Fn(DVec2) -> bool>,
+) -> Option<Flat> {
     let weights = weights(mesh);
     let whole: f64 = weights.iter().sum();
     let normal = vector_area(mesh);
@@ -67,7 +71,7 @@ pub fn flat(mesh: &LeafMesh, rings: &[Vec<u32>], shown: Option<&dyn Fn(DVec2) ->
     if area < 0.9 * filled {
         return None;
     }
-    let polygon = polygon::few(outer, CORNERS, area)?;
+    let polygon = polygon::few(outer, corners, area)?;
     let indices = polygon::ears(&polygon)?;
     let fits = Linear::new(&plane, mesh, &weights)?;
     let normals = fits.of(&plane, mesh, &weights, &|k| mesh.normals[k]);
@@ -221,7 +225,7 @@ mod tests {
     }
 
     fn of(mesh: &LeafMesh) -> Flat {
-        flat(mesh, &rings(mesh).unwrap(), None).expect("a piece")
+        flat(mesh, &rings(mesh).unwrap(), 4, None).expect("a piece")
     }
 
     /// The shadow on a plane has the same area for the blade and for the piece, from any direction in which the blade
@@ -252,6 +256,17 @@ mod tests {
         assert!(piece.tangents.iter().all(|(t, w)| t.x > 0.95 && *w == 1.0), "{:?}", piece.tangents);
     }
 
+    /// With more corners a piece covers as much, and is nearer to a blade that is flat.
+    #[test]
+    fn six_corners_are_nearer_than_four() {
+        let mesh = ellipse(|_| 0.0);
+        let [four, six] = [4, 6].map(|n| flat(&mesh, &rings(&mesh).unwrap(), n, None).expect("a piece"));
+        assert_eq!([four.piece.triangles(), six.piece.triangles()], [2, 4]);
+        assert!(six.error_mm < 0.7 * four.error_mm, "{} {}", six.error_mm, four.error_mm);
+        let [a, b] = [&four, &six].map(|f| vector_area(&f.piece).length());
+        assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+    }
+
     /// The stated error is that of points on both rims, found by brute force. A rhomb of the same area is farther from
     /// the ellipse.
     #[test]
@@ -280,7 +295,8 @@ mod tests {
 
     #[test]
     fn a_mask_that_the_piece_would_undo_refuses_it() {
-        let flat_with = |mesh: &LeafMesh, shown: &dyn Fn(DVec2) -> bool| flat(mesh, &rings(mesh).unwrap(), Some(shown));
+        let flat_with =
+            |mesh: &LeafMesh, shown: &dyn Fn(DVec2) -> bool| flat(mesh, &rings(mesh).unwrap(), 4, Some(shown));
         // A rectangle stands for itself, so a mask cuts the same out of it.
         let sheet = LeafMesh::rectangle(60.0, 30.0);
         let disk = |t: DVec2| t.distance(DVec2::splat(0.5)) < 0.4;
@@ -295,7 +311,7 @@ mod tests {
     #[test]
     fn wavy_blades_and_those_that_have_large_holes_get_none() {
         let wavy = ellipse(|x| 3.0 * (x / 4.0).sin());
-        assert!(flat(&wavy, &rings(&wavy).unwrap(), None).is_none());
+        assert!(flat(&wavy, &rings(&wavy).unwrap(), 4, None).is_none());
         let mut hollow = ellipse(|_| 0.0);
         // The six rings in the middle are a quarter of the area.
         hollow.indices.retain({
@@ -303,6 +319,6 @@ mod tests {
             move |k| outer.contains(k)
         });
         assert!(hollow.indices.len().is_multiple_of(3));
-        assert!(flat(&hollow, &rings(&hollow).unwrap(), None).is_none());
+        assert!(flat(&hollow, &rings(&hollow).unwrap(), 4, None).is_none());
     }
 }

@@ -71,13 +71,14 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let mut barks = Barks::default();
     for wood in &placed.wood {
         let mut mesh = shown(out.meshes.len(), &wood.mesh);
-        // Bark that moves has a section for each vertex.
-        if leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() && wood.bark_moves.is_none() {
-            let (levels, more) = tubes::levels(&wood.mesh);
-            append(&mut mesh, levels, &more);
+        let mut on_ring = Vec::new();
+        if leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
+            let found = tubes::levels(&wood.mesh, wood.bark_moves.is_some());
+            append(&mut mesh, found.levels, &found.more);
+            on_ring = found.on_ring;
         }
         let drawn = out.add(mesh, barked(&wood.name, wood.bark));
-        let carried = wood.bark_moves.as_ref().map(|bark| barks.carried(bark));
+        let carried = wood.bark_moves.as_ref().map(|bark| barks.carried(bark, &on_ring));
         let places = wood.places.iter();
         out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), carried, ..drawn }));
     }
@@ -133,7 +134,7 @@ pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::Leaf>, card: bool) ->
     });
     let shown = shown.as_ref().map(|f| f as &dyn Fn(DVec2) -> bool);
     let (levels, piece) =
-        if card { detail::levels_with_card(mesh, shown) } else { (detail::levels(mesh), LeafMesh::default()) };
+        if card { detail::levels_with_pieces(mesh, shown) } else { (detail::levels(mesh), LeafMesh::default()) };
     append(&mut out, levels, &piece);
     out
 }

@@ -113,7 +113,8 @@ fn farthest(a: &[DVec2], b: &[DVec2]) -> f64 {
     points.map(|p| near(p).fold(f64::MAX, f64::min)).fold(0.0, f64::max)
 }
 
-/// The triangles of a simple polygon, by cutting ears; `None` where it crosses itself.
+/// The triangles of a simple polygon, by cutting the ear with the shortest new edge, so that no triangle is needlessly
+/// long; `None` where it crosses itself.
 pub fn ears(polygon: &[DVec2]) -> Option<Vec<u32>> {
     let mut left: Vec<usize> = (0..polygon.len()).collect();
     let mut out = Vec::new();
@@ -127,7 +128,11 @@ pub fn ears(polygon: &[DVec2]) -> Option<Vec<u32>> {
             let holds = |p: usize| [[a, b, p], [b, c, p], [c, a, p]].into_iter().all(|t| twice(t) >= 0.0);
             twice([a, b, c]) > 0.0 && left.iter().all(|p| [a, b, c].contains(p) || !holds(*p))
         };
-        let i = (0..n).find(ear)?;
+        let across = |i: &usize| {
+            let [a, _, c] = corner(*i);
+            polygon[a].distance_squared(polygon[c])
+        };
+        let i = (0..n).filter(ear).min_by(|i, j| across(i).total_cmp(&across(j)))?;
         area += 0.5 * twice(corner(i));
         out.extend(corner(i).map(|k| k as u32));
         left.remove(i);

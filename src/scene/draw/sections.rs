@@ -17,11 +17,13 @@ pub struct Barks {
 }
 
 impl Barks {
-    /// How the vertices of a wood are carried.
-    pub fn carried(&mut self, bark: &Bark) -> viewer::Carried {
+    /// How the vertices of a wood are carried, and after them those of its levels of detail: each as the vertex of the
+    /// wood that `on_ring` names.
+    pub fn carried(&mut self, bark: &Bark, on_ring: &[u32]) -> viewer::Carried {
         let begin = *self.known.entry(Arc::as_ptr(&bark.of_vertices)).or_insert_with(|| {
             let begin = self.of_vertices.len() as u32;
             self.of_vertices.extend(bark.of_vertices.iter());
+            self.of_vertices.extend(on_ring.iter().map(|k| bark.of_vertices[*k as usize]));
             begin
         });
         viewer::Carried { first: bark.first as u32, vertices: Some(begin) }

@@ -29,30 +29,44 @@ struct Ring {
     radius: f64,
 }
 
-/// The levels of wood, the finest first, and the vertices that are to be appended to the mesh's. There are none where
-/// the mesh does not consist of tubes in the order in which `grow` writes them.
-pub fn levels(mesh: &LeafMesh) -> (Vec<Detail>, LeafMesh) {
-    let (mut out, mut more) = (Vec::new(), LeafMesh::default());
-    let Some(tubes) = tubes(mesh) else { return (out, more) };
+/// The levels of wood.
+#[derive(Debug, Clone, Default)]
+pub struct Levels {
+    /// The finest first.
+    pub levels: Vec<Detail>,
+    /// The vertices that are to be appended to the mesh's.
+    pub more: LeafMesh,
+    /// For each of them a vertex of the mesh on the same ring.
+    pub on_ring: Vec<u32>,
+}
+
+/// The levels of wood. There are none where the mesh does not consist of tubes in the order in which `grow` writes
+/// them. Wood that `bends` keeps all of its rings, because between two rings that bend apart nothing would follow the
+/// branch.
+pub fn levels(mesh: &LeafMesh, bends: bool) -> Levels {
+    let mut out = Levels::default();
+    let Some(tubes) = tubes(mesh) else { return out };
     let rings: Vec<Vec<Ring>> = tubes.iter().map(|t| (0..t.rings).map(|k| ring(mesh, t, k)).collect()).collect();
     let mut before = mesh.triangles();
     for distance in LEVELS {
         let mut level = Detail { indices: Vec::new(), error_mm: 0.0, outline_only: false };
-        let had = more.positions.len();
+        let had = out.on_ring.len();
         for (tube, rings) in tubes.iter().zip(&rings) {
-            add(mesh, tube, rings, distance, &mut more, &mut level);
+            add(mesh, tube, rings, distance, bends, &mut out, &mut level);
         }
         if level.indices.len() / 3 < (WORTH * before as f64) as usize {
             before = level.indices.len() / 3;
-            out.push(level);
+            out.levels.push(level);
         } else {
+            let more = &mut out.more;
             more.positions.truncate(had);
             more.normals.truncate(had);
             more.tangents.truncate(had);
             more.uvs.truncate(had);
+            out.on_ring.truncate(had);
         }
     }
-    (out, more)
+    out
 }
 
 /// The tubes that a mesh consists of.
@@ -105,13 +119,28 @@ fn fewer(from: usize, to: usize) -> (f64, f64) {
 }
 
 /// Adds a tube to a level, at most `distance` from the tube of the mesh: half of it for fewer corners, half for fewer
-/// rings.
-fn add(mesh: &LeafMesh, tube: &Tube, rings: &[Ring], distance: f64, more: &mut LeafMesh, level: &mut Detail) {
+/// rings. With `bends`, no ring is left out, and all of it is for fewer corners.
+fn add(
+    mesh: &LeafMesh,
+    tube: &Tube,
+    rings: &[Ring],
+    distance: f64,
+    bends: bool,
+    Levels { more, on_ring, .. }: &mut Levels,
+    level: &mut Detail,
+) {
     let radius = rings.iter().map(|r| r.radius).fold(0.0, f64::max);
-    let sides = (3..tube.sides).find(|to| radius * fewer(tube.sides, *to).1 <= 0.5 * distance).unwrap_or(tube.sides);
+    let allowed = if bends { distance } else { 0.5 * distance };
+    let sides = (3..tube.sides).find(|to| radius * fewer(tube.sides, *to).1 <= allowed).unwrap_or(tube.sides);
     let (wider, off) = if sides < tube.sides { fewer(tube.sides, sides) } else { (1.0, 0.0) };
     let mut kept = vec![0];
-    let along = thinned(rings, 0, rings.len() - 1, 0.5 * distance, &mut kept);
+    let along = match bends {
+        true => {
+            kept.extend(1..rings.len());
+            0.0
+        }
+        false => thinned(rings, 0, rings.len() - 1, 0.5 * distance, &mut kept),
+    };
     level.error_mm = level.error_mm.max(radius * off + along);
     let start = (mesh.positions.len() + more.positions.len()) as u32;
     let old = |k: usize| (tube.first + k * (tube.sides + 1)) as u32;
@@ -129,6 +158,7 @@ fn add(mesh: &LeafMesh, tube: &Tube, rings: &[Ring], distance: f64, more: &mut L
             let tangent = (turn * around + along * ring.axis).normalize_or_zero();
             more.tangents.push((tangent, mesh.tangents[first].1));
             more.uvs.push(mesh.uvs[first].lerp(mesh.uvs[first + tube.sides], share));
+            on_ring.push(first as u32);
         }
     }
     let corner = |at: usize| match sides < tube.sides {
@@ -194,7 +224,7 @@ mod tests {
     #[test]
     fn levels_have_fewer_triangles_and_stay_within_what_they_say() {
         let mesh = wood();
-        let (levels, more) = levels(&mesh);
+        let Levels { levels, more, .. } = levels(&mesh, false);
         assert!(levels.len() >= 2, "{}", levels.len());
         let mut all = mesh.clone();
         all.append(&more, DMat4::IDENTITY);
@@ -226,7 +256,7 @@ mod tests {
     #[test]
     fn a_tube_with_fewer_corners_is_as_wide_on_average() {
         let thin = tube(&[DVec3::ZERO, DVec3::Z * 200.0], [2.0, 2.0], 9, 5);
-        let (levels, more) = levels(&thin);
+        let Levels { levels, more, .. } = levels(&thin, false);
         let last = levels.last().expect("a level");
         // Three corners, and no rings between both ends of a straight tube.
         assert_eq!(last.indices.len(), 3 * 2 * 3);
@@ -238,11 +268,39 @@ mod tests {
         }
     }
 
+    /// Each new corner stands in the plane of the ring that is named for it, and every level has all rings.
+    #[test]
+    fn wood_that_bends_keeps_its_rings() {
+        let mesh = wood();
+        let found = levels(&mesh, true);
+        assert!(!found.levels.is_empty() && found.on_ring.len() == found.more.positions.len());
+        let tubes = tubes(&mesh).expect("tubes");
+        let of = |k: usize| {
+            let tube = tubes.iter().rfind(|t| t.first <= k).expect("a tube");
+            ring(&mesh, tube, (k - tube.first) / (tube.sides + 1))
+        };
+        for (p, k) in found.more.positions.iter().zip(&found.on_ring) {
+            let Ring { middle, axis, radius, .. } = of(*k as usize);
+            assert!(p.distance(middle) < 1.2 * radius && (*p - middle).dot(axis).abs() < 1e-9, "{p} {middle}");
+        }
+        let own = mesh.positions.len();
+        for level in &found.levels {
+            let on = |k: u32| found.on_ring.get((k as usize).wrapping_sub(own)).map_or(k, |first| *first);
+            let rings: std::collections::BTreeSet<[i64; 3]> = level
+                .indices
+                .iter()
+                .map(|k| of(on(*k) as usize).middle.to_array().map(|x| (1e6 * x).round() as i64))
+                .collect();
+            assert_eq!(rings.len(), tubes.iter().map(|t| t.rings).sum::<usize>());
+            assert!(level.error_mm <= LEVELS[3]);
+        }
+    }
+
     #[test]
     fn other_meshes_have_no_levels() {
         let mut mesh = wood();
         mesh.indices.rotate_left(3);
-        assert!(levels(&mesh).0.is_empty());
-        assert!(levels(&LeafMesh::rectangle(10.0, 10.0)).0.is_empty());
+        assert!(levels(&mesh, false).levels.is_empty());
+        assert!(levels(&LeafMesh::rectangle(10.0, 10.0), true).levels.is_empty());
     }
 }

@@ -8,6 +8,8 @@ struct Place {
     back: vec2f,
     dx: vec2f,
     dy: vec2f,
+    // Whether it is one of several in the pixel. Each is read from one level of a map, instead of between two.
+    one_level: bool,
 }
 
 // The mean of the map over the pixel. Up to 16 trilinear samples lie along the longer axis of the pixel's footprint,
@@ -18,8 +20,13 @@ struct Place {
 fn at(map: texture_2d<f32>, uv: vec2f, mirror: vec2f, place: Place) -> vec4f {
     let print = footprint(vec2f(textureDimensions(map)), mirror, place);
     var sum = vec4f(0.0);
-    for (var i = 0.0; i < print.steps; i += 1.0) {
+    var i = 0.0;
+    loop {
         sum += textureSampleLevel(map, map_sampler, uv + print.axis * ((i + 0.5) / print.steps - 0.5), print.lod);
+        i += 1.0;
+        if (i >= print.steps) {
+            break;
+        }
     }
     return sum / print.steps;
 }
@@ -37,7 +44,8 @@ fn footprint(size: vec2f, mirror: vec2f, place: Place) -> Footprint {
     let shorter = max(min(across, down), 1.0);
     let steps = clamp(ceil(longer / shorter - 0.01), 1.0, 16.0);
     let lod = log2(max(max(longer / steps, shorter), 1.0));
-    return Footprint(mirror * select(place.dy, place.dx, across >= down), steps, lod);
+    let axis = mirror * select(place.dy, place.dx, across >= down);
+    return Footprint(axis, steps, select(lod, floor(lod + 0.5), place.one_level));
 }
 
 //#if COLOUR
@@ -45,10 +53,16 @@ fn footprint(size: vec2f, mirror: vec2f, place: Place) -> Footprint {
 fn colour_at(map: texture_2d_array<f32>, uv: vec2f, mirror: vec2f, place: Place, direction: vec3f) -> vec3f {
     let print = footprint(vec2f(textureDimensions(map)), mirror, place);
     var sum = vec3f(0.0);
-    for (var i = 0.0; i < print.steps; i += 1.0) {
+    var i = 0.0;
+    loop {
         let here = uv + print.axis * ((i + 0.5) / print.steps - 0.5);
-        for (var c = 0; c < 3; c++) {
-            sum[c] += dot(textureSampleLevel(map, map_sampler, here, c, print.lod).xyz, direction);
+        sum += vec3f(
+            dot(textureSampleLevel(map, map_sampler, here, 0, print.lod).xyz, direction),
+            dot(textureSampleLevel(map, map_sampler, here, 1, print.lod).xyz, direction),
+            dot(textureSampleLevel(map, map_sampler, here, 2, print.lod).xyz, direction));
+        i += 1.0;
+        if (i >= print.steps) {
+            break;
         }
     }
     return sum / print.steps;
@@ -139,6 +153,14 @@ struct Basis {
 fn basis(in: Varying, normal: vec3f) -> Basis {
     let tangent = normalize(in.tangent.xyz - normal * dot(normal, in.tangent.xyz));
     return Basis(tangent, in.tangent.w * cross(normal, tangent), normal);
+}
+
+// Whether a pixel is at least two texels of a side's normals wide.
+fn covers_texels(front: bool, place: Place) -> bool {
+    if (front) {
+        return front_covers_texels(place);
+    }
+    return back_covers_texels(place);
 }
 
 // The mapped normal of a side, outward from that side.

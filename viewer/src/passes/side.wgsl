@@ -59,6 +59,14 @@ fn $side_transmittance(place: Place) -> vec3f {
 //#endif
 
 //#if TANGENT
+fn $side_covers_texels(place: Place) -> bool {
+    //#if NORMAL
+    return footprint(vec2f(textureDimensions($side_normal)), $side_mirror, place).lod >= 1.0;
+    //#else
+    return false;
+    //#endif
+}
+
 fn $side_mapped(place: Place, axes: Basis) -> vec3f {
     //#if NORMAL
     let n = at($side_normal, place.$side, $side_mirror, place).xyz;
