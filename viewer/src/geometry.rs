@@ -282,6 +282,18 @@ impl Extents {
         still.flat_map(|(_, points)| points).copied().collect()
     }
 
+    /// Boxes around what stands in the scene at rest, as two corners: one around all that casts shadows, and one around
+    /// each thing that does not.
+    pub(crate) fn boxes(&self) -> Vec<[Vec3; 2]> {
+        let around = |points: &mut dyn Iterator<Item = &Vec3>| {
+            let first = *points.next()?;
+            Some(points.fold([first; 2], |[low, high], p| [low.min(*p), high.max(*p)]))
+        };
+        let (casters, others) = self.points.split_at(self.casters);
+        let all = around(&mut casters.iter().flat_map(|(_, points)| points));
+        all.into_iter().chain(others.iter().filter_map(|(_, points)| around(&mut points.iter()))).collect()
+    }
+
     pub(crate) fn sections(&self) -> Option<&Sections> {
         self.sections.as_ref()
     }

@@ -36,6 +36,12 @@ impl Seen {
         Seen { eye: camera.eye, pixel, frustum }
     }
 
+    /// The least width of a pixel (mm) on anything in these boxes; 0 for a picture without perspective.
+    pub(crate) fn narrowest(&self, boxes: &[[Vec3; 2]]) -> f32 {
+        let near = boxes.iter().map(|[low, high]| self.eye.distance(self.eye.clamp(*low, *high)));
+        self.frustum.map_or(0.0, |_| self.pixel * near.fold(f32::MAX, f32::min))
+    }
+
     /// The eye with the angle of a pixel, the three directions with half sides of the picture (1 after the first with
     /// perspective, 0 without), and how far beyond these sides a ball of radius 1 is seen.
     pub(crate) fn in_numbers(&self) -> ([[f32; 4]; 4], [f32; 2]) {

@@ -281,6 +281,7 @@ impl Variant {
             .set("CURVE", lit && !side.maps && !side.black)
             .set("MAPS", lit && side.maps)
             .set("GLOSS_MAP", side.gloss)
+            .set("SUPERSAMPLE", self.supersample())
             .set("NORMAL", side.normal)
             .set("TRANSLUCENCY", side.translucency > 0)
             .set("COLOUR", side.translucency == 3)

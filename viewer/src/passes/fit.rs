@@ -16,6 +16,10 @@ pub(crate) struct FitPass {
     fitted: wgpu::Buffer,
     still: Vec<Vec3>,
     layers: usize,
+    used: wgpu::Buffer,
+    /// The side of the maps' texture, and of its corner in which they are drawn (texels).
+    resolution: u32,
+    pub side: u32,
 }
 
 impl FitPass {
@@ -28,7 +32,7 @@ impl FitPass {
         resolution: u32,
     ) -> FitPass {
         let layers = directions.len();
-        let defines = Defines::default().constant("LAYERS", layers as u32).constant("RESOLUTION", resolution);
+        let defines = Defines::default().constant("LAYERS", layers as u32);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("fit"),
             source: wgpu::ShaderSource::Wgsl(assemble(include_str!("fit.wgsl"), &defines).into()),
@@ -44,9 +48,24 @@ impl FitPass {
             usage: Use::STORAGE | Use::COPY_SRC,
             mapped_at_creation: false,
         });
-        let resources = [(0, parts), (1, &lights), (2, &fitted)].map(|(k, b)| (k, b.as_entire_binding()));
+        let used = gpu.uniform("used part of shadow maps", &[[resolution as f32, 1.0, 0.0, 0.0]]);
+        let resources = [(0, parts), (1, &lights), (2, &fitted), (3, &used)].map(|(k, b)| (k, b.as_entire_binding()));
         let kernel = Kernel::new(gpu, &module, "fit_maps", &resources, 1);
-        FitPass { kernel, lights, fitted, still, layers }
+        FitPass { kernel, lights, fitted, still, layers, used, resolution, side: resolution }
+    }
+
+    /// How many texels wide and high the maps have to be so that a texel is not wider than a pixel, which is `pixel` mm
+    /// wide where it is narrowest: all, a half or a quarter of the texture's side, whose texels have the side `texel`.
+    pub(crate) fn needed(&self, texel: f32, pixel: f32) -> u32 {
+        // What is not a number becomes 0.
+        self.resolution >> (pixel / texel).log2().clamp(0.0, 2.0) as u32
+    }
+
+    /// From the next fit on, draws the maps with another number of texels.
+    pub(crate) fn set_side(&mut self, gpu: &Gpu, side: u32) {
+        self.side = side;
+        let share = side as f32 / self.resolution as f32;
+        gpu.queue.write_buffer(&self.used, 0, bytemuck::bytes_of(&[side as f32, share, 0.0, 0.0]));
     }
 
     /// Moves the sun.
@@ -73,7 +92,7 @@ impl FitPass {
         for k in 0..self.layers as u64 {
             let at = k * STRIDE as u64;
             encoder.copy_buffer_to_buffer(&self.fitted, at, spaced, at, 64);
-            encoder.copy_buffer_to_buffer(&self.fitted, at, packed, 64 * k, 64);
+            encoder.copy_buffer_to_buffer(&self.fitted, at + 64, packed, 64 * k, 64);
         }
     }
 

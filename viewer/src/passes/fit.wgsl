@@ -18,8 +18,11 @@ struct Light {
 
 @group(0) @binding(0) var<storage, read> parts: array<Box>;
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
-// For each map the four columns of its matrix, sixteen entries apart; after the maps, the longest side of a texel.
+// For each map the four columns of the matrix that draws it and of the one that reads it, sixteen entries apart; after
+// the maps, the longest side of a texel.
 @group(0) @binding(2) var<storage, read_write> fitted: array<vec4f>;
+// x: how many texels wide and high the maps are drawn, in a corner of their texture. y: their share of its side.
+@group(0) @binding(3) var<uniform> used: vec4f;
 
 const WIDE = 64u;
 var<workgroup> lows: array<vec3f, WIDE>;
@@ -57,17 +60,21 @@ fn fit_maps(@builtin(local_invocation_index) own: u32) {
         if (own == 0u) {
             let size = max(highs[0] - lows[0], vec3f(1e-3));
             // A rim of two texels, and a little extra depth.
-            let margin = vec3f(2.0 * size.xy / f32(RESOLUTION), 0.02 * max(size.x, max(size.y, size.z)));
+            let margin = vec3f(2.0 * size.xy / used.x, 0.02 * max(size.x, max(size.y, size.z)));
             let first = lows[0] - margin;
             let whole = size + 2.0 * margin;
             let x = vec4f(light.x * (2.0 / whole.x), -2.0 * first.x / whole.x - 1.0);
             let y = vec4f(light.y * (2.0 / whole.y), -2.0 * first.y / whole.y - 1.0);
             let depth = vec4f(-light.to_sun / whole.z, -first.z / whole.z);
-            let matrix = transpose(mat4x4f(x, y, depth, vec4f(0.0, 0.0, 0.0, 1.0)));
+            let last = vec4f(0.0, 0.0, 0.0, 1.0);
+            let draws = transpose(mat4x4f(x, y, depth, last));
+            let reads = transpose(mat4x4f(
+                used.y * x + (used.y - 1.0) * last, used.y * y + (1.0 - used.y) * last, depth, last));
             for (var c = 0u; c < 4u; c++) {
-                fitted[16u * k + c] = matrix[c];
+                fitted[16u * k + c] = draws[c];
+                fitted[16u * k + 4u + c] = reads[c];
             }
-            longest = max(longest, max(whole.x, whole.y) / f32(RESOLUTION));
+            longest = max(longest, max(whole.x, whole.y) / used.x);
         }
         workgroupBarrier();
     }

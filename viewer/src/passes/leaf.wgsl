@@ -81,50 +81,13 @@ fn highlight(normal: vec3f, gloss: vec4f, view: vec3f) -> vec4f {
 }
 
 //#if SUPERSAMPLE
-// The place moved by a part of a pixel. Its footprint is a third as wide, and an eighth to a third as long, so that
-// eight of them cover the pixel with about one sample each. They are averaged, so each may be read from the nearest
-// level of a map.
-fn moved(place: Place, by: vec2f) -> Place {
-    let shift = place.dx * by.x + place.dy * by.y;
-    let ratio = length(place.dy) / max(length(place.dx), 1e-12);
-    let dx = place.dx * clamp(0.35 * ratio, 0.125, 0.35);
-    let dy = place.dy * clamp(0.35 / max(ratio, 1e-12), 0.125, 0.35);
-    return Place(place.front + shift, place.back + vec2f(-shift.x, shift.y), dx, dy, true);
-}
-
-// Whether the normal turns by more than a fifth of the lobe's slope across the pixel. Then the highlight of the mean
-// normal differs from the mean of the highlights. The error grows with the square of the turn; at a fifth it is
-// 0.3 % to 1.3 %, by the lobe and by whether the normal turns along one axis or both. Of a pixel that covers several
-// texels this is not asked, because the answer takes a third of the time of the highlights.
-fn uneven(place: Place, facing: Facing, normal: vec3f, slope: f32) -> bool {
-    if (covers_texels(facing.front, place)) {
-        return true;
-    }
-    var turn = 0.0;
-    for (var i = 0; i < 4; i++) {
-        let by = select(vec2f(0.0, f32(i) - 2.5), vec2f(f32(i) - 0.5, 0.0), i < 2);
-        let d = mapped(facing.front, moved(place, by), facing.axes) - normal;
-        turn = max(turn, dot(d, d));
-    }
-    return 4.0 * turn > 0.04 * slope * slope;
-}
-
-// The mean of highlight and cosine over the pixel. Diffuse sunlight is mean cosine times mean reflectance. The sky's
-// light is that of the mean normal, with which it changes slowly.
+// The mean of highlight and cosine over the pixel: see `side.wgsl`. Diffuse sunlight is mean cosine times mean
+// reflectance. The sky's light is that of the mean normal, with which it changes slowly.
 fn mean_highlight(place: Place, facing: Facing, normal: vec3f, gloss: vec4f) -> vec4f {
-    if (!uneven(place, facing, normal, max(gloss.a, 1e-3))) {
-        return highlight(normal, gloss, facing.view);
+    if (facing.front) {
+        return front_mean_highlight(place, facing, normal, gloss);
     }
-    // Eight places that share no row, column or diagonal.
-    var spots = array<vec2f, 8>(
-        vec2f(0.0625, -0.1875), vec2f(-0.0625, 0.1875), vec2f(0.3125, 0.0625), vec2f(-0.1875, -0.3125),
-        vec2f(-0.3125, 0.3125), vec2f(-0.4375, -0.0625), vec2f(0.1875, 0.4375), vec2f(0.4375, -0.4375));
-    var sum = vec4f(0.0);
-    for (var i = 0; i < 8; i++) {
-        let spot = moved(place, spots[i]);
-        sum += highlight(mapped(facing.front, spot, facing.axes), gloss_at(facing.front, spot), facing.view);
-    }
-    return 0.125 * sum;
+    return back_mean_highlight(place, facing, normal, gloss);
 }
 //#endif
 //#endif
@@ -265,7 +228,7 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     //#if TRANSFER
     arrive(in.first, in.place, passed);
     //#endif
-    let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy, false);
+    let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
     let facing = faced(in, front_facing, across);
     radiance = shade(place, facing, in.world);
     //#if SCANNER

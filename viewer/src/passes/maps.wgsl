@@ -8,8 +8,6 @@ struct Place {
     back: vec2f,
     dx: vec2f,
     dy: vec2f,
-    // Whether it is one of several in the pixel. Each is read from one level of a map, instead of between two.
-    one_level: bool,
 }
 
 // The mean of the map over the pixel. Up to 16 trilinear samples lie along the longer axis of the pixel's footprint,
@@ -45,7 +43,15 @@ fn footprint(size: vec2f, mirror: vec2f, place: Place) -> Footprint {
     let steps = clamp(ceil(longer / shorter - 0.01), 1.0, 16.0);
     let lod = log2(max(max(longer / steps, shorter), 1.0));
     let axis = mirror * select(place.dy, place.dx, across >= down);
-    return Footprint(axis, steps, select(lod, floor(lod + 0.5), place.one_level));
+    return Footprint(axis, steps, lod);
+}
+
+// The level of a map from which one of eight spots of a pixel is read: a spot is a third as wide as the pixel, or an
+// eighth as long where that is more. The spots are averaged, so each may be read from one level instead of between two.
+fn spot_level(size: vec2f, place: Place) -> f32 {
+    let across = length(place.dx * size);
+    let down = length(place.dy * size);
+    return floor(0.5 + log2(max(max(0.125 * max(across, down), 0.35 * min(across, down)), 1.0)));
 }
 
 //#if COLOUR
@@ -153,14 +159,6 @@ struct Basis {
 fn basis(in: Varying, normal: vec3f) -> Basis {
     let tangent = normalize(in.tangent.xyz - normal * dot(normal, in.tangent.xyz));
     return Basis(tangent, in.tangent.w * cross(normal, tangent), normal);
-}
-
-// Whether a pixel is at least two texels of a side's normals wide.
-fn covers_texels(front: bool, place: Place) -> bool {
-    if (front) {
-        return front_covers_texels(place);
-    }
-    return back_covers_texels(place);
 }
 
 // The mapped normal of a side, outward from that side.

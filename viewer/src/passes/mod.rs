@@ -14,6 +14,7 @@ pub(crate) mod gathered;
 pub(crate) mod grass;
 pub(crate) mod main;
 pub(crate) mod motion;
+pub(crate) mod outline;
 pub(crate) mod place;
 pub(crate) mod pose;
 pub(crate) mod shadow;

@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass};
 use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
-use crate::passes::shadow::{OUTLINE, mask_group, mask_layout};
+use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, Sections, Wind};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;

@@ -5,19 +5,16 @@
 
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
-use crate::material::{MaterialOnGpu, Samplers};
+use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass};
 use crate::passes::fit::FitPass;
 use crate::passes::main::Drawn;
+use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3, Vec4};
-
-/// WGSL of a vertex and its mask. It stands between the source of the bend and the source of a pass that draws outlines
-/// only.
-pub(crate) const OUTLINE: &str = include_str!("outline.wgsl");
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Distance of uniforms with a dynamic offset, which suits every adapter.
@@ -226,6 +223,19 @@ impl ShadowPass {
         self.drawn = false;
     }
 
+    /// Prepares for a picture whose pixels are nowhere narrower than `pixel` (mm) on what they show. Maps that follow
+    /// what moves are drawn for each picture, with no more texels than it can show. Returns the side of a texel, which
+    /// is `texel` where all are used.
+    pub(crate) fn aim(&mut self, gpu: &Gpu, texel: f32, pixel: f32) -> f32 {
+        let Some(fit) = &mut self.fit else { return texel };
+        let side = fit.needed(texel, pixel);
+        if side > fit.side || (!self.drawn && side != fit.side) {
+            fit.set_side(gpu, side);
+            self.drawn = false;
+        }
+        texel * self.resolution as f32 / fit.side as f32
+    }
+
     /// Draws the maps, whose texels have about the side `texel` (mm), unless they are still valid. `times` records a
     /// timestamp before and after the layers. Maps that follow what moves write the true side into `frame`.
     pub(crate) fn draw(
@@ -268,6 +278,9 @@ impl ShadowPass {
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
+            if let Some(fit) = &self.fit {
+                pass.set_viewport(0.0, 0.0, fit.side as f32, fit.side as f32, 0.0, 1.0);
+            }
             pass.set_bind_group(0, &self.light_group, &[(i * STRIDE) as u32]);
             if let Some(bend) = bend {
                 pass.set_bind_group(2, &bend.group, &[]);
@@ -302,44 +315,6 @@ impl ShadowPass {
         stats.shadow_renders += 1;
         true
     }
-}
-
-/// A leaf's mask for a pass that only needs outlines; `None` for a material without one.
-pub(crate) fn mask_group(
-    gpu: &Gpu,
-    layout: &wgpu::BindGroupLayout,
-    material: &MaterialOnGpu,
-    samplers: &Samplers,
-) -> Option<wgpu::BindGroup> {
-    let mask = material.mask()?;
-    Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("mask"),
-        layout,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(mask) },
-            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) },
-        ],
-    }))
-}
-
-/// The layout of [`mask_group`].
-pub(crate) fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let entry =
-        |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None };
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("mask"),
-        entries: &[
-            entry(
-                0,
-                wgpu::BindingType::Texture {
-                    sample_type: wgpu::TextureSampleType::Float { filterable: true },
-                    view_dimension: wgpu::TextureViewDimension::D2,
-                    multisampled: false,
-                },
-            ),
-            entry(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
-        ],
-    })
 }
 
 fn pipeline(

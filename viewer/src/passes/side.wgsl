@@ -59,18 +59,14 @@ fn $side_transmittance(place: Place) -> vec3f {
 //#endif
 
 //#if TANGENT
-fn $side_covers_texels(place: Place) -> bool {
-    //#if NORMAL
-    return footprint(vec2f(textureDimensions($side_normal)), $side_mirror, place).lod >= 1.0;
-    //#else
-    return false;
-    //#endif
+// A normal of the map, in the scene.
+fn $side_outward(n: vec3f, axes: Basis) -> vec3f {
+    return normalize($-n.x * axes.tangent + n.y * axes.bitangent + $-n.z * axes.normal);
 }
 
 fn $side_mapped(place: Place, axes: Basis) -> vec3f {
     //#if NORMAL
-    let n = at($side_normal, place.$side, $side_mirror, place).xyz;
-    return normalize($-n.x * axes.tangent + n.y * axes.bitangent + $-n.z * axes.normal);
+    return $side_outward(at($side_normal, place.$side, $side_mirror, place).xyz, axes);
     //#else
     return $-axes.normal;
     //#endif
@@ -99,4 +95,61 @@ fn $side_through(place: Place, omega: vec3f, transmittance: vec3f) -> vec3f {
     //#endif
 }
 //#endif
+//#endif
+
+//#if SUPERSAMPLE
+//#if NORMAL
+// Highlight and cosine at a spot of the pixel, whose maps are read from these levels.
+fn $side_spot(spot: vec2f, level: vec2f, facing: Facing) -> vec4f {
+    let normal = $side_outward(textureSampleLevel($side_normal, map_sampler, spot, level.x).xyz, facing.axes);
+    //#if GLOSS_MAP
+    let gloss = textureSampleLevel($side_gloss, map_sampler, spot, level.y);
+    //#else
+    let gloss = vec4f(0.0, 0.0, 0.0, 1.0);
+    //#endif
+    return highlight(normal, gloss, facing.view);
+}
+//#endif
+
+// The mean of highlight and cosine over the pixel. Where the normal turns by more than a fifth of the lobe's slope
+// across the pixel, the highlight of the mean normal differs from the mean of the highlights. The error grows with the
+// square of the turn; at a fifth it is 0.3 % to 1.3 %, by the lobe and by whether the normal turns along one axis or
+// both. Of a pixel that is two texels wide or more, the turn is not asked, because that takes a third of the time of
+// the highlights.
+fn $side_mean_highlight(place: Place, facing: Facing, normal: vec3f, gloss: vec4f) -> vec4f {
+    //#if NORMAL
+    let texels = vec2f(textureDimensions($side_normal));
+    let print = footprint(texels, $side_mirror, place);
+    var level = vec2f(spot_level(texels, place), 0.0);
+    let dx = $side_mirror * place.dx;
+    let dy = $side_mirror * place.dy;
+    if (print.lod < 1.0) {
+        var turn = 0.0;
+        for (var i = 0; i < 4; i++) {
+            let by = select(dy * (f32(i) - 2.5), dx * (f32(i) - 0.5), i < 2);
+            let there = textureSampleLevel($side_normal, map_sampler, place.$side + by, level.x).xyz;
+            let d = $side_outward(there, facing.axes) - normal;
+            turn = max(turn, dot(d, d));
+        }
+        let slope = max(gloss.a, 1e-3);
+        if (4.0 * turn <= 0.04 * slope * slope) {
+            return highlight(normal, gloss, facing.view);
+        }
+    }
+    //#if GLOSS_MAP
+    level.y = spot_level(vec2f(textureDimensions($side_gloss)), place);
+    //#endif
+    // Eight places that share no row, column or diagonal.
+    var spots = array<vec2f, 8>(
+        vec2f(0.0625, -0.1875), vec2f(-0.0625, 0.1875), vec2f(0.3125, 0.0625), vec2f(-0.1875, -0.3125),
+        vec2f(-0.3125, 0.3125), vec2f(-0.4375, -0.0625), vec2f(0.1875, 0.4375), vec2f(0.4375, -0.4375));
+    var sum = vec4f(0.0);
+    for (var i = 0; i < 8; i++) {
+        sum += $side_spot(place.$side + dx * spots[i].x + dy * spots[i].y, level, facing);
+    }
+    return 0.125 * sum;
+    //#else
+    return highlight(normal, gloss, facing.view);
+    //#endif
+}
 //#endif

@@ -78,6 +78,8 @@ struct Loaded {
     sun_shares: Option<Arc<Vec<u8>>>,
     extents: Extents,
     casters: Vec<Vec3>,
+    /// Boxes around everything at rest; none where shadow maps are always drawn with all of their texels.
+    boxes: Vec<[Vec3; 2]>,
     ball: (Vec3, f32),
     sun: Option<Sun>,
     sky: Option<[f32; 3]>,
@@ -214,6 +216,7 @@ impl Renderer {
             sun_shares: scene.sun_shares.clone(),
             ball: now.ball,
             casters,
+            boxes: if scene.in_full { Vec::new() } else { extents.boxes() },
             extents,
             sun: scene.sun,
             sky: scene.sky,
@@ -261,24 +264,29 @@ impl Renderer {
         let four = |v: Vec3| [v.x, v.y, v.z, 0.0];
         let colour = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
         let seen = Seen::new(camera, [width, height], loaded.scanner.is_none());
+        let pixel = if loaded.boxes.is_empty() { 0.0 } else { seen.narrowest(&loaded.boxes) };
+        let texel = match &mut loaded.shadow {
+            Some(shadow) => shadow.aim(&self.gpu, loaded.shadow_texel, pixel),
+            None => loaded.shadow_texel,
+        };
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
             if batch.choice.is_none() {
                 batch.arrange(&self.gpu, &seen);
             }
             if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
-                batch.levels.thin_maps(&self.gpu, loaded.shadow_texel);
+                batch.levels.thin_maps(&self.gpu, texel);
             }
             apart = apart.max(match batch.choice {
-                Some(_) => batch.levels.apart_in_maps(loaded.shadow_texel),
-                None => batch.levels.apart(loaded.shadow_texel),
+                Some(_) => batch.levels.apart_in_maps(texel),
+                None => batch.levels.apart(texel),
             });
         }
         if let (Some(place), Some(bend)) = (&loaded.place, &loaded.bend) {
             place.all(&self.gpu, encoder, &mut loaded.batches, bend);
         }
         if let Some(choose) = &loaded.choose {
-            choose.record(&self.gpu, encoder, &mut loaded.batches, &seen, loaded.shadow_texel, apart);
+            choose.record(&self.gpu, encoder, &mut loaded.batches, &seen, texel, apart);
         }
         let by_cpu = loaded.batches.iter().filter(|b| b.choice.is_none());
         self.stats.triangles = by_cpu.map(|b| b.levels.triangles()).sum();
@@ -293,7 +301,7 @@ impl Renderer {
             sun_direction: four(loaded.sun.map_or(Vec3::Z, |s| s.direction.normalize())),
             sun_irradiance: colour(loaded.sun.map_or([0.0; 3], |s| s.irradiance)),
             sky: colour(loaded.sky.unwrap_or([0.0; 3])),
-            shadow: [loaded.shadow_texel, apart, 0.0, 0.0],
+            shadow: [texel, apart, 0.0, 0.0],
             tube: loaded.scanner.map_or([0.0; 4], |s| [s.at_mm, 0.5 * s.length_mm, s.radius_mm, s.height_mm]),
             travel: loaded
                 .scanner
@@ -315,7 +323,7 @@ impl Renderer {
         }
         if let Some(shadow) = &mut loaded.shadow {
             shadow.draw(
-                loaded.shadow_texel,
+                texel,
                 encoder,
                 drawn,
                 loaded.bend.as_ref(),
