@@ -8,6 +8,7 @@ mod choose;
 mod common;
 mod detail;
 mod dome;
+mod follow;
 mod motion;
 mod needs;
 mod place;
