@@ -18,6 +18,8 @@ struct Place {
 fn at(map: texture_2d<f32>, uv: vec2f, mirror: vec2f, place: Place) -> vec4f {
     let print = footprint(vec2f(textureDimensions(map)), mirror, place);
     var sum = vec4f(0.0);
+    // There is at least one sample, so the end is asked last. Asked first, adapters that run many pixels in step go
+    // through one sample more.
     var i = 0.0;
     loop {
         sum += textureSampleLevel(map, map_sampler, uv + print.axis * ((i + 0.5) / print.steps - 0.5), print.lod);
