@@ -229,7 +229,8 @@ impl ShadowPass {
     pub(crate) fn aim(&mut self, gpu: &Gpu, texel: f32, pixel: f32) -> f32 {
         let Some(fit) = &mut self.fit else { return texel };
         let side = fit.needed(texel, pixel);
-        if side > fit.side || (!self.drawn && side != fit.side) {
+        // Finer maps are not kept either: a picture must not depend on what was drawn before it.
+        if side != fit.side {
             fit.set_side(gpu, side);
             self.drawn = false;
         }
