@@ -123,8 +123,8 @@ pub fn shown(of: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
 }
 
-/// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest is a card where one can
-/// stand for the blade; the mesh then has vertices of its own for it, after the blade's.
+/// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest are flat, and the last is
+/// a card, where these can stand for the blade; the mesh then has vertices of its own for them, after the blade's.
 pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::Leaf>, card: bool) -> viewer::Mesh {
     let mut out = viewer_mesh(mesh);
     let cut = leaf.and_then(|l| Some((l.mask.as_ref()?, [l.width, l.height])));
