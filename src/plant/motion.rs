@@ -87,8 +87,13 @@ impl Trajectory {
 
     /// Place at time `t` (s), in texture units, wrapped to [0, 1).
     pub fn at(&self, t: f64) -> [f64; 2] {
-        [0, 1].map(|k| (self.start[k] + t * self.velocity[k]).rem_euclid(1.0))
+        [0, 1].map(|k| wrapped(self.start[k] + t * self.velocity[k]))
     }
+}
+
+/// A place in texture units, wrapped to [0, 1). It may round to 1.
+fn wrapped(place: f64) -> f64 {
+    place - place.floor()
 }
 
 /// Whether a direction is within 0.01 rad of one with whole-number components up to 4.
@@ -185,14 +190,16 @@ impl Motion {
     pub fn sample(&self, at: [f64; 2]) -> [f64; 2] {
         let n = self.size;
         let [(x0, x1, fx), (y0, y1, fy)] = at.map(|c| {
-            let c = c.rem_euclid(1.0) * n as f64 - 0.5;
+            let c = wrapped(c) * n as f64 - 0.5;
             let low = c.floor();
-            let wrap = |k: f64| k.rem_euclid(n as f64) as usize % n;
-            (wrap(low), wrap(low + 1.0), c - low)
+            // It is −1 in the first half of the first texel, which the last texel precedes.
+            let first = if low < 0.0 { n - 1 } else { (low as usize).min(n - 1) };
+            (first, if first + 1 == n { 0 } else { first + 1 }, c - low)
         });
+        let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| self.values[y * n + x]);
         [0, 1].map(|k| {
-            let v = |x: usize, y: usize| f64::from(self.values[y * n + x][k]);
-            let (low, high) = (v(x0, y0) * (1.0 - fx) + v(x1, y0) * fx, v(x0, y1) * (1.0 - fx) + v(x1, y1) * fx);
+            let [a, b, c, d] = [a, b, c, d].map(|v| f64::from(v[k]));
+            let (low, high) = (a * (1.0 - fx) + b * fx, c * (1.0 - fx) + d * fx);
             low * (1.0 - fy) + high * fy
         })
     }

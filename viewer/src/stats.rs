@@ -23,6 +23,8 @@ pub struct Stats {
     pub triangles: u64,
     /// Triangles in each shadow map that was drawn last. Every instance counts.
     pub shadow_triangles: u64,
+    /// Texels along each side of the shadow maps that were drawn last; 0 where none were.
+    pub shadow_side: u32,
     /// How often the shadow maps were drawn since the renderer was made: once for each sun and geometry.
     pub shadow_renders: u64,
     /// How often the transfer's light was computed since the renderer was made: once for each light.

@@ -161,15 +161,14 @@ impl Limb {
         Some((piece, place + way * ((x - begin) * self.length)))
     }
 
-    /// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends.
-    pub fn held(&self, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
-        let wanted = x.hypot(y);
-        let whole = self.shape.tip();
-        let bends = wanted > 0.0 && wanted.is_finite() && self.length > 0.0;
-        if !bends {
-            return ([1.0, 0.0], 0.0);
-        }
-        ([x / wanted, y / wanted], limited(wanted * whole, FREELY, FURTHEST) / whole)
+    /// An amplitude towards r and s as poses limit it ([`held`]).
+    pub fn held(&self, amplitude: [f64; 2]) -> ([f64; 2], f64) {
+        held(amplitude, self.bends_by())
+    }
+
+    /// How far the beam's tip goes for an amplitude of 1; 0 for a branch without length, which does not bend.
+    pub fn bends_by(&self) -> f64 {
+        if self.length > 0.0 { self.shape.tip() } else { 0.0 }
     }
 
     /// The growth of the beam's deflection along piece `k`, for an amplitude of 1.
@@ -206,6 +205,17 @@ pub struct Pose<'a> {
 pub fn limited(size: f64, free: f64, furthest: f64) -> f64 {
     let room = furthest - free;
     if size <= free { size } else { free + room * ((size - free) / room).tanh() }
+}
+
+/// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends. `tip` is
+/// how far the beam's tip goes for an amplitude of 1 ([`Limb::bends_by`]).
+pub fn held([x, y]: [f64; 2], tip: f64) -> ([f64; 2], f64) {
+    let wanted = x.hypot(y);
+    let bends = wanted > 0.0 && wanted.is_finite() && tip > 0.0;
+    if !bends {
+        return ([1.0, 0.0], 0.0);
+    }
+    ([x / wanted, y / wanted], limited(wanted * tip, FREELY, FURTHEST) / tip)
 }
 
 impl Limbs {

@@ -15,7 +15,7 @@ use crate::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::form::Branch;
-use mesophyll_flora::pose::{FREELY, Lengths, Limb, Limbs, Pose, Rigid};
+use mesophyll_flora::pose::{FREELY, Lengths, Limb, Limbs, Pose, Rigid, held as limited};
 use mesophyll_manifest::{Flutter, Manifest};
 use mesophyll_plant::motion::{Motion, Trajectory};
 use mesophyll_plant::motion_spectrum::Method;
@@ -79,7 +79,7 @@ const SWINGS: usize = 256;
 /// The largest number of motion textures (8 MB each) of branches and leaves. More are more likely an error of a file
 /// than a real plant.
 const MOST_TEXTURES: usize = 64;
-/// The largest number of cross-sections of all plants together, which an adapter's table can hold.
+/// The largest number of cross-sections of all plants together, which the smallest buffers of an adapter hold.
 const MOST_SECTIONS: usize = 4_000_000;
 /// The largest number of vertices of bark of all plants together. Every place counts separately.
 const MOST_BARK: usize = 20_000_000;
@@ -225,16 +225,14 @@ impl Winds {
     /// time is worked out once.
     pub fn amplitudes(self: &Arc<Winds>) -> impl Fn(f64) -> Vec<[f32; 2]> + Send + Sync + use<> {
         let winds = self.clone();
-        let swings: Vec<(usize, usize, Swing)> = self
-            .places()
-            .flat_map(|(plant, swaying, place)| {
-                (0..swaying.limbs.0.len()).map(move |k| (plant, k, self.swing(swaying, place, k)))
-            })
-            .collect();
+        let of = |(_, swaying, place): (usize, &Swaying, usize)| -> Vec<(Swing, f64)> {
+            let limbs = swaying.limbs.0.iter().enumerate();
+            limbs.map(|(k, limb)| (self.swing(swaying, place, k), limb.bends_by())).collect()
+        };
+        let swings: Vec<(Swing, f64)> = self.places().flat_map(of).collect();
         move |time| {
-            let one = |(plant, k, swing): &(usize, usize, Swing)| {
-                let limb = winds.plants[*plant].as_ref().map(|p| &p.limbs.0[*k]);
-                let (way, size) = limb.map_or(([0.0; 2], 0.0), |limb| limb.held(winds.amplitude(swing, time)));
+            let one = |(swing, tip): &(Swing, f64)| {
+                let (way, size) = limited(winds.amplitude(swing, time), *tip);
                 way.map(|c| (c * size) as f32)
             };
             swings.par_iter().with_min_len(SWINGS).map(one).collect()

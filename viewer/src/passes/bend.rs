@@ -4,25 +4,22 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::pose::PosePass;
-use crate::scene::{Instance, Scene, Section, Sections};
+use crate::scene::{Instance, Scene, Seat, Section, Sections};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// WGSL of the bend, which is put in front of a pass's own source.
 pub(crate) const SOURCE: &str = include_str!("bend.wgsl");
-
-/// Number of sections in a row of their texture, three texels each, and number of vertices in a row of theirs.
-pub(crate) const SECTIONS_WIDE: u32 = 512;
-pub(crate) const VERTICES_WIDE: u32 = 2048;
 
 /// Sections on the adapter.
 pub(crate) struct BendPass {
     pub group: wgpu::BindGroup,
     layout: wgpu::BindGroupLayout,
-    /// The sections at the present times.
-    sections: wgpu::Texture,
+    /// A point of each section at rest, and where the sections move to at the present times.
+    points: wgpu::Buffer,
+    sections: wgpu::Buffer,
     /// Computes them on the adapter, for scenes that say how.
     pub pose: Option<PosePass>,
 }
@@ -30,11 +27,7 @@ pub(crate) struct BendPass {
 /// Adds the names and constants of a shader that moves vertices if `bend` says so. `sections` is the number of sections
 /// at each of several times, which only a shader that knows more than one time reads.
 pub(crate) fn defines(defines: Defines, bend: bool, sections: usize) -> Defines {
-    defines
-        .constant("SECTIONS_ROWS", section_rows(sections) as u32)
-        .constant("SECTIONS_WIDE", SECTIONS_WIDE)
-        .constant("VERTICES_WIDE", VERTICES_WIDE)
-        .set("BEND", bend)
+    defines.constant("SECTIONS", sections as u32).set("BEND", bend)
 }
 
 /// Whether a section carries any of these instances.
@@ -48,19 +41,17 @@ pub(crate) fn layout_of(gpu: &Gpu, variant: &Variant) -> Option<wgpu::BindGroupL
 }
 
 fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let visibility = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
-    let texture = |binding, sample_type| wgpu::BindGroupLayoutEntry {
+    let entry = |binding| wgpu::BindGroupLayoutEntry {
         binding,
-        visibility,
-        ty: wgpu::BindingType::Texture {
-            sample_type,
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
+        visibility: wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: true },
+            has_dynamic_offset: false,
+            min_binding_size: None,
         },
         count: None,
     };
-    let float = wgpu::TextureSampleType::Float { filterable: false };
-    let entries = [texture(0, float), texture(1, wgpu::TextureSampleType::Uint)];
+    let entries = [entry(0), entry(1), entry(2)];
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &entries })
 }
 
@@ -70,61 +61,51 @@ pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
     instance.carried.map_or([-1.0; 2], |c| [c.first as f32, c.vertices.map_or(-1.0, |v| v as f32)])
 }
 
-/// Number of rows in the sections' texture that one time takes.
-fn section_rows(sections: usize) -> usize {
-    sections.div_ceil(SECTIONS_WIDE as usize).max(1)
-}
-
 impl BendPass {
     /// Uploads the motions of all sections at each of these `times`, from which shaders choose; `None` where sections
     /// carry nothing.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, times: &[Vec<Section>], stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
         stats.upload("sections", (times.len() * sections.count * 48) as u64);
-        let pass = BendPass::of(gpu, sections, times.len(), wgpu::TextureUsages::empty(), stats);
-        pass.set_times(gpu, times);
-        Some(pass)
+        Some(BendPass::of(gpu, sections, times, stats))
     }
 
     /// Poses everything on the adapter if the scene says how, or on the CPU as `now`.
     pub(crate) fn posed(gpu: &Gpu, scene: &Scene, now: Vec<Section>, stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
         let Some(poses) = &sections.poses else { return BendPass::new(gpu, scene, &[now], stats) };
-        let mut pass = BendPass::of(gpu, sections, 1, wgpu::TextureUsages::STORAGE_BINDING, stats);
-        let pose = PosePass::new(gpu, scene, poses, &pass.sections.create_view(&Default::default()), stats);
+        let at_rest = |seat: &Seat| Section { from: seat.from, to: seat.from, turn: Quat::IDENTITY };
+        let mut pass = BendPass::of(gpu, sections, &[poses.seats.iter().map(at_rest).collect()], stats);
+        let pose = PosePass::new(gpu, scene, poses, &pass.sections, stats);
         pose.set_time(gpu, scene.wind.as_ref().map_or(0.0, |w| w.time_s));
         pass.pose = Some(pose);
         Some(pass)
     }
 
-    fn of(gpu: &Gpu, sections: &Sections, times: usize, usage: wgpu::TextureUsages, stats: &mut Stats) -> BendPass {
+    fn of(gpu: &Gpu, sections: &Sections, times: &[Vec<Section>], stats: &mut Stats) -> BendPass {
         stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
-        let rows_of_all = times * section_rows(sections.count);
-        let float = wgpu::TextureFormat::Rgba32Float;
-        let none = wgpu::TextureUsages::empty();
-        let motions = texture(gpu, "sections", float, [3 * SECTIONS_WIDE, rows_of_all as u32], usage);
-        let own = rows(&sections.of_vertices, VERTICES_WIDE as usize, 0);
-        let height = own.len() / VERTICES_WIDE as usize;
-        let of_vertices =
-            texture(gpu, "sections of vertices", wgpu::TextureFormat::R32Uint, [VERTICES_WIDE, height as u32], none);
-        fill(gpu, &of_vertices, bytemuck::cast_slice(&own));
-        let views = [&motions, &of_vertices].map(|t| t.create_view(&Default::default()));
-        let entry = |binding: usize| wgpu::BindGroupEntry {
-            binding: binding as u32,
-            resource: wgpu::BindingResource::TextureView(&views[binding]),
-        };
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let points = gpu.buffer("points of sections", bytemuck::cast_slice(&points(times)), usage);
+        let motions = gpu.buffer("sections", bytemuck::cast_slice(&motions(times)), usage);
+        let own: &[u32] = if sections.of_vertices.is_empty() { &[0] } else { &sections.of_vertices };
+        let of_vertices = gpu.buffer("sections of vertices", bytemuck::cast_slice(own), usage);
         let layout = layout(gpu);
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("bend"),
             layout: &layout,
-            entries: &[entry(0), entry(1)],
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: points.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: motions.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 2, resource: of_vertices.as_entire_binding() },
+            ],
         });
-        BendPass { sections: motions, group, layout, pose: None }
+        BendPass { points, sections: motions, group, layout, pose: None }
     }
 
     /// Moves every section to other times, as many as the pass was made with.
     pub(crate) fn set_times(&self, gpu: &Gpu, times: &[Vec<Section>]) {
-        fill(gpu, &self.sections, bytemuck::cast_slice(&texels(times)));
+        gpu.queue.write_buffer(&self.points, 0, bytemuck::cast_slice(&points(times)));
+        gpu.queue.write_buffer(&self.sections, 0, bytemuck::cast_slice(&motions(times)));
     }
 
     /// The layout of its bind group.
@@ -200,58 +181,12 @@ impl BendPass {
     }
 }
 
-fn texture(
-    gpu: &Gpu,
-    label: &str,
-    format: wgpu::TextureFormat,
-    [width, height]: [u32; 2],
-    usage: wgpu::TextureUsages,
-) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height: height.max(1), depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: usage | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    })
+/// The points of sections at rest, one time after the other.
+fn points(times: &[Vec<Section>]) -> Vec<[f32; 4]> {
+    times.iter().flatten().map(|s| s.from.extend(0.0).to_array()).collect()
 }
 
-/// Writes the whole of a texture.
-fn fill(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8]) {
-    let size = texture.size();
-    gpu.queue.write_texture(
-        wgpu::TexelCopyTextureInfo {
-            texture,
-            mip_level: 0,
-            origin: wgpu::Origin3d::ZERO,
-            aspect: wgpu::TextureAspect::All,
-        },
-        bytes,
-        wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(bytes.len() as u32 / size.height),
-            rows_per_image: Some(size.height),
-        },
-        size,
-    );
-}
-
-/// Fills a list up to whole rows of `wide` entries, with at least one row.
-fn rows<T: Copy>(list: &[T], wide: usize, rest: T) -> Vec<T> {
-    let mut out = list.to_vec();
-    out.resize(list.len().next_multiple_of(wide).max(wide), rest);
-    out
-}
-
-/// The motions of sections at several times, with three texels each and whole rows for each time.
-fn texels(times: &[Vec<Section>]) -> Vec<[[f32; 4]; 3]> {
-    let texel = |s: &Section| [s.from.extend(0.0).to_array(), s.to.extend(0.0).to_array(), s.turn.to_array()];
-    let of_time = |sections: &Vec<Section>| {
-        let all: Vec<[[f32; 4]; 3]> = sections.iter().map(texel).collect();
-        rows(&all, SECTIONS_WIDE as usize, [[0.0; 4]; 3])
-    };
-    times.iter().flat_map(of_time).collect()
+/// Where sections move to, one time after the other.
+fn motions(times: &[Vec<Section>]) -> Vec<[[f32; 4]; 2]> {
+    times.iter().flatten().map(|s| [s.to.extend(0.0).to_array(), s.turn.to_array()]).collect()
 }

@@ -3,11 +3,11 @@
 // `bend.rs` does the same as this file on the CPU. Sections may be stored for more than one time, one time after the
 // other. Time 0 is the time that is drawn.
 
-// Rigid motions with three texels each, SECTIONS_WIDE in a row: a point at rest, the place it moves to, and a
-// quaternion.
-@group(2) @binding(0) var sections: texture_2d<f32>;
-// The section that carries each vertex of bark, VERTICES_WIDE in a row.
-@group(2) @binding(1) var of_vertices: texture_2d<u32>;
+// Rigid motions: a point of each at rest, the place that it moves to, and a quaternion.
+@group(2) @binding(0) var<storage, read> points: array<vec4f>;
+@group(2) @binding(1) var<storage, read> sections: array<array<vec4f, 2>>;
+// The section that carries each vertex of bark.
+@group(2) @binding(2) var<storage, read> of_vertices: array<u32>;
 
 struct Bent {
     position: vec3f,
@@ -32,13 +32,12 @@ fn bent_at(time: u32, ride: vec2f, number: u32, position: vec3f, normal: vec3f, 
     }
     var section = u32(ride.x);
     if (ride.y >= 0.0) {
-        let vertex = u32(ride.y) + number;
-        section += textureLoad(of_vertices, vec2u(vertex % VERTICES_WIDE, vertex / VERTICES_WIDE), 0).r;
+        section += of_vertices[u32(ride.y) + number];
     }
-    let at = vec2u(3u * (section % SECTIONS_WIDE), section / SECTIONS_WIDE + time * SECTIONS_ROWS);
-    let before = textureLoad(sections, at, 0).xyz;
-    let after = textureLoad(sections, at + vec2u(1u, 0u), 0).xyz;
-    let turn = textureLoad(sections, at + vec2u(2u, 0u), 0);
+    let at = section + time * SECTIONS;
+    let before = points[at].xyz;
+    let after = sections[at][0].xyz;
+    let turn = sections[at][1];
     return Bent(after + quaternion(turn, position - before), quaternion(turn, normal), quaternion(turn, tangent));
 }
 //#endif

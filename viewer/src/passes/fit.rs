@@ -85,7 +85,7 @@ impl FitPass {
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             if let Some(pose) = pose {
-                pose.unite(&mut pass);
+                pose.enclose(&mut pass);
             }
             self.kernel.record(&mut pass);
         }

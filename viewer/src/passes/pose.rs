@@ -5,7 +5,6 @@
 use crate::error::Result;
 use crate::geometry::corners;
 use crate::gpu::Gpu;
-use crate::passes::bend::SECTIONS_WIDE;
 use crate::scene::{Poses, Scene};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
@@ -17,6 +16,8 @@ use wgpu::BufferUsages as Use;
 const LIMB: usize = 112;
 const MARK: usize = 32;
 const BOX_AT_REST: usize = 64;
+/// The largest number of sections that one invocation seats.
+const LONGEST: usize = 8;
 /// Number of Newton steps for a place on a bent branch; few branches need more than two.
 const STEPS: u32 = 4;
 
@@ -72,20 +73,18 @@ pub(crate) struct PosePass {
     /// The box around everything that each branch carries: two corners of four numbers each.
     pub parts: wgpu::Buffer,
     kernels: Vec<Kernel>,
-    /// Unites the boxes of parts. It is only needed where something reads them.
-    unite: Kernel,
+    /// Makes the boxes of parts. It is only needed where something reads them.
+    enclose: Kernel,
 }
 
 /// Whether an adapter can pose what a scene has. If not, the CPU does.
 pub(crate) fn possible(gpu: &Gpu, poses: &Poses) -> bool {
-    let sections = gpu.adapter.get_texture_format_features(wgpu::TextureFormat::Rgba32Float);
-    sections.allowed_usages.contains(wgpu::TextureUsages::STORAGE_BINDING)
-        && within(&gpu.device.limits(), poses.limbs.len(), poses.pieces.len(), poses.seats.len())
+    within(&gpu.device.limits(), poses.limbs.len(), poses.pieces.len(), poses.seats.len())
 }
 
 /// Whether buffers and numbers of work groups stay within an adapter's limits.
 fn within(limits: &wgpu::Limits, limbs: usize, pieces: usize, seats: usize) -> bool {
-    let bytes = (LIMB * limbs).max(MARK * pieces).max(BOX_AT_REST * seats) as u64;
+    let bytes = (LIMB * limbs).max(MARK * (pieces + limbs)).max(BOX_AT_REST * seats) as u64;
     let groups = limbs.max(seats).div_ceil(64);
     limits.max_storage_buffers_per_shader_stage >= 8
         && bytes <= limits.max_storage_buffer_binding_size
@@ -101,20 +100,21 @@ impl PosePass {
         gpu: &Gpu,
         scene: &Scene,
         poses: &Arc<Poses>,
-        sections: &wgpu::TextureView,
+        sections: &wgpu::Buffer,
         stats: &mut Stats,
     ) -> PosePass {
-        let around = boxes(scene, poses);
-        let (members, first) = members(poses, &around);
+        let order = order(poses);
+        let runs = runs(poses, &order);
         let mut put = |label: &str, bytes: &[u8]| {
             stats.upload(label, bytes.len() as u64);
             gpu.buffer(label, if bytes.is_empty() { &[0; 16] } else { bytes }, Use::STORAGE)
         };
-        let limbs = put("branches", bytemuck::cast_slice(&limbs(poses, &first)));
+        let limbs = put("branches", bytemuck::cast_slice(&limbs(poses, &order)));
         let pieces = put("pieces of branches", bytemuck::cast_slice(&pieces(poses)));
-        let seats = put("seats of sections", bytemuck::cast_slice(&seats(poses)));
-        let at_rest = put("boxes of sections", bytemuck::cast_slice(&oriented(&around)));
-        let members = put("sections of branches", bytemuck::cast_slice(&members));
+        let hangs = poses.turns.is_some() || poses.seats.iter().any(|s| s.offset != Vec3::ZERO);
+        let seats = put("seats of sections", bytemuck::cast_slice(&seats(poses, &order, hangs)));
+        let at_rest = put("boxes of sections", bytemuck::cast_slice(&oriented(poses, &order, &boxes(scene, poses))));
+        let of_runs = put("runs of seats", bytemuck::cast_slice(&runs));
         let made = |label: &str, bytes: usize, usage: Use| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -125,39 +125,37 @@ impl PosePass {
         };
         let (n, m) = (poses.limbs.len(), poses.seats.len());
         let amplitudes = made("amplitudes", 8 * n, Use::COPY_DST);
-        let turns = poses.turns.is_some().then(|| made("turns of leaves", 4 * m, Use::COPY_DST));
-        let marks = made("marks", MARK * poses.pieces.len(), Use::empty());
+        let turns = hangs.then(|| made("turns of leaves", 4 * m, Use::COPY_DST));
+        let marks = made("marks", MARK * (poses.pieces.len() + n), Use::empty());
         let states = made("states", 80 * n, Use::empty());
-        let boxes = made("boxes", 32 * m, Use::empty());
         let parts = made("parts", 32 * n, Use::COPY_SRC);
         let defines = Defines::default()
             .constant("STEPS", if poses.closed_form { 0 } else { STEPS })
-            .constant("SECTIONS_WIDE", SECTIONS_WIDE)
-            .set("TURNS", turns.is_some());
+            .set("CLOSED_FORM", poses.closed_form)
+            .set("HANGS", hangs);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("pose"),
             source: wgpu::ShaderSource::Wgsl(assemble(include_str!("pose.wgsl"), &defines).into()),
         });
-        let mut of = |entry: &str, buffers: &[(u32, &wgpu::Buffer)], texture: bool, count: usize| {
-            let mut all: Vec<(u32, wgpu::BindingResource<'_>)> =
+        let mut of = |entry: &str, buffers: &[(u32, &wgpu::Buffer)], count: usize| {
+            let all: Vec<(u32, wgpu::BindingResource<'_>)> =
                 buffers.iter().map(|(binding, buffer)| (*binding, buffer.as_entire_binding())).collect();
-            if texture {
-                all.push((11, wgpu::BindingResource::TextureView(sections)));
-            }
             stats.pipeline(&format!("pose: {entry}"));
             Kernel::new(gpu, &module, entry, &all, count)
         };
         let mut seated =
-            vec![(0, &limbs), (1, &pieces), (2, &seats), (5, &at_rest), (7, &marks), (8, &states), (9, &boxes)];
+            vec![(0, &limbs), (1, &pieces), (2, &seats), (6, &of_runs), (7, &marks), (8, &states), (10, sections)];
         seated.extend(turns.as_ref().map(|turns| (4, turns)));
+        let bent = [(0, &limbs), (1, &pieces), (3, &amplitudes), (7, &marks), (8, &states)];
+        let joined = [(0, &limbs), (1, &pieces), (7, &marks), (8, &states)];
         let kernels = vec![
-            of("bend_limbs", &[(0, &limbs), (1, &pieces), (3, &amplitudes), (7, &marks), (8, &states)], false, n),
-            of("join_limbs", &[(0, &limbs), (1, &pieces), (7, &marks), (8, &states)], false, n),
-            of("carry_limbs", &[(0, &limbs), (8, &states)], false, n),
-            of("seat_sections", &seated, true, m),
+            of("bend_limbs", &bent, n),
+            of("join_limbs", &joined, n),
+            of("carry_limbs", &[(0, &limbs), (8, &states)], n),
+            of("seat_sections", &seated, runs.len()),
         ];
-        let unite = of("unite_parts", &[(0, &limbs), (6, &members), (9, &boxes), (10, &parts)], false, n);
-        PosePass { poses: poses.clone(), amplitudes, turns, parts, kernels, unite }
+        let enclose = of("enclose_parts", &[(0, &limbs), (2, &seats), (5, &at_rest), (9, &parts), (10, sections)], n);
+        PosePass { poses: poses.clone(), amplitudes, turns, parts, kernels, enclose }
     }
 
     /// Poses everything at a time (s).
@@ -175,8 +173,8 @@ impl PosePass {
     }
 
     /// Makes the boxes of [`PosePass::parts`] for the present pose.
-    pub(crate) fn unite(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.unite.record(pass);
+    pub(crate) fn enclose(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.enclose.record(pass);
     }
 
     /// The boxes around what each branch carries; `None` for a branch that carries nothing.
@@ -188,7 +186,7 @@ impl PosePass {
             mapped_at_creation: false,
         });
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        self.unite(&mut encoder.begin_compute_pass(&Default::default()));
+        self.enclose(&mut encoder.begin_compute_pass(&Default::default()));
         encoder.copy_buffer_to_buffer(&self.parts, 0, &back, 0, back.size());
         gpu.queue.submit([encoder.finish()]);
         let found: Vec<[[f32; 4]; 2]> = bytemuck::pod_collect_to_vec(&crate::readback::buffer(gpu, &back)?);
@@ -207,11 +205,38 @@ fn four(v: Vec3, w: f32) -> [f32; 4] {
     v.extend(w).to_array()
 }
 
-fn limbs(poses: &Poses, first: &[u32]) -> Vec<[[f32; 4]; 7]> {
-    let one = |(limb, carried): (&crate::scene::Limb, &[u32])| {
+/// The sections in the order of their branches and of these branches' pieces.
+fn order(poses: &Poses) -> Vec<u32> {
+    let mut all: Vec<u32> = (0..poses.seats.len() as u32).collect();
+    all.sort_by_key(|k| (poses.seats[*k as usize].limb, poses.seats[*k as usize].piece));
+    all
+}
+
+/// Sections on one piece of a branch that follow each other in this order: the branch, the piece, the place of the
+/// first one in the order, and their number. The longest come first, so that invocations beside each other have as much
+/// to do.
+fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
+    let on = |k: &u32| (poses.seats[*k as usize].limb, poses.seats[*k as usize].piece);
+    let mut all = Vec::new();
+    let mut first = 0;
+    for same in order.chunk_by(|a, b| on(a) == on(b)) {
+        let (limb, piece) = on(&same[0]);
+        for run in same.chunks(LONGEST) {
+            all.push([limb, piece, first, run.len() as u32]);
+            first += run.len() as u32;
+        }
+    }
+    all.sort_by_key(|run| std::cmp::Reverse(run[3]));
+    all
+}
+
+fn limbs(poses: &Poses, order: &[u32]) -> Vec<[[f32; 4]; 7]> {
+    let begin = |limb: usize| order.partition_point(|k| (poses.seats[*k as usize].limb as usize) < limb) as u32;
+    let one = |(k, limb): (usize, &crate::scene::Limb)| {
         let [alpha, ln_alpha, ell] = limb.taper;
         let parent = limb.parent.map_or(-1, |p| p as i32) as u32;
         let [piece, pieces] = limb.pieces;
+        let seat = begin(k);
         [
             four(limb.root, limb.length),
             four(limb.axes[0], alpha),
@@ -219,37 +244,36 @@ fn limbs(poses: &Poses, first: &[u32]) -> Vec<[[f32; 4]; 7]> {
             four(limb.offset, ell),
             limb.coefficients,
             [limb.at.0, bits(parent), bits(limb.at.1), bits(piece)],
-            [bits(pieces), bits(carried[0]), bits(carried[1] - carried[0]), 0.0],
+            [bits(pieces), bits(seat), bits(begin(k + 1) - seat), 0.0],
         ]
     };
-    poses.limbs.iter().zip(first.windows(2)).map(one).collect()
+    poses.limbs.iter().enumerate().map(one).collect()
 }
 
 fn pieces(poses: &Poses) -> Vec<[[f32; 4]; 2]> {
     poses.pieces.iter().map(|p| [four(p.place, p.begin), four(p.way, 0.0)]).collect()
 }
 
-fn seats(poses: &Poses) -> Vec<[[f32; 4]; 3]> {
-    let one =
-        |s: &crate::scene::Seat| [four(s.from, s.share), four(s.offset, bits(s.limb)), four(s.axis, bits(s.piece))];
-    poses.seats.iter().map(one).collect()
+/// Where sections sit. Without anything that hangs beside an axis or turns, there is no more to read of a section than
+/// its share and its number.
+fn seats(poses: &Poses, order: &[u32], hangs: bool) -> Vec<f32> {
+    let one = |section: &u32| {
+        let seat = &poses.seats[*section as usize];
+        let share = [seat.share, bits(*section)];
+        let beside = [four(seat.offset, 0.0), four(seat.axis, seat.share), [bits(*section), 0.0, 0.0, 0.0]];
+        if hangs { beside.as_flattened().to_vec() } else { share.to_vec() }
+    };
+    order.iter().flat_map(one).collect()
 }
 
-fn oriented(around: &[Option<Oriented>]) -> Vec<[[f32; 4]; 4]> {
-    let one = |of: &Option<Oriented>| match of {
-        Some((centre, [x, y, z])) => [four(*centre, 1.0), four(*x, 0.0), four(*y, 0.0), four(*z, 0.0)],
+fn oriented(poses: &Poses, order: &[u32], around: &[Option<Oriented>]) -> Vec<[[f32; 4]; 4]> {
+    let one = |section: &u32| match around[*section as usize] {
+        Some((centre, [x, y, z])) => {
+            [four(centre - poses.seats[*section as usize].from, 1.0), four(x, 0.0), four(y, 0.0), four(z, 0.0)]
+        }
         None => [[0.0; 4]; 4],
     };
-    around.iter().map(one).collect()
-}
-
-/// The sections that carry something, branch by branch, and where those of each branch begin.
-fn members(poses: &Poses, around: &[Option<Oriented>]) -> (Vec<u32>, Vec<u32>) {
-    let mut all: Vec<u32> = (0..poses.seats.len() as u32).filter(|k| around[*k as usize].is_some()).collect();
-    all.sort_by_key(|k| poses.seats[*k as usize].limb);
-    let begin = |limb: usize| all.partition_point(|k| (poses.seats[*k as usize].limb as usize) < limb) as u32;
-    let first = (0..=poses.limbs.len()).map(begin).collect();
-    (all, first)
+    order.iter().map(one).collect()
 }
 
 /// The box around what each section carries at rest. Its axes are those of the first instance, or of the branch for

@@ -1,9 +1,11 @@
 // Poses the branches of plants once a frame, in single precision, as `src/flora/pose` does on the CPU in double
-// precision. Five passes follow each other: every branch bends in its own frame; joints sit on their parents; bases are
-// carried along the hierarchy; sections follow their branches; boxes of parts are united, where shadow maps need them.
-// The vertex stage only looks sections up.
+// precision. Four passes follow each other: every branch bends in its own frame; joints sit on their parents; bases are
+// carried along the hierarchy; sections follow their branches. A fifth puts boxes around what branches carry, where
+// shadow maps need them. The vertex stage only looks sections up.
 //
 // Places on a branch are counted from its root at rest, so that they keep their digits far from the scene's origin.
+// What several sections need of their branch is read once for all of them: a software adapter spends more time on
+// reading a number from a buffer than on computing with it.
 
 struct Limb {
     root: vec3f,
@@ -22,9 +24,9 @@ struct Limb {
     parent_piece: u32,
     first_piece: u32,
     pieces: u32,
-    // What the branch carries, among `members`.
-    first_member: u32,
-    members: u32,
+    // Its seats.
+    first_seat: u32,
+    seats: u32,
     unused: u32,
 }
 
@@ -35,11 +37,14 @@ struct Piece {
     unused: f32,
 }
 
-// The beginning of a piece on the bent branch: its place, and its places along and across the bent beam.
+// The beginning of a piece on the bent branch, or its tip: its place, its places along and across the bent beam, the
+// cosine of the beam's turn there, and its share.
 struct Mark {
     place: vec3f,
     along: f32,
     across: f32,
+    cosine: f32,
+    begin: f32,
 }
 
 // What a branch does at this time.
@@ -54,16 +59,27 @@ struct State {
 }
 
 struct Seat {
-    point: vec3f,
-    share: f32,
+    //#if HANGS
+    // From the branch's axis to the section's point, and the unit vector about which it turns there.
     offset: vec3f,
-    limb: u32,
     axis: vec3f,
+    //#endif
+    share: f32,
+    section: u32,
+}
+
+// Seats on one piece of a branch that follow each other.
+struct Run {
+    limb: u32,
+    // Counted from the branch's first one.
     piece: u32,
+    first: u32,
+    count: u32,
 }
 
 // A box with any axes, whose half sides are x, y and z.
 struct Oriented {
+    // From the section's point at rest.
     centre: vec3f,
     // 0 for a section that carries nothing.
     carries: f32,
@@ -80,18 +96,20 @@ struct Box {
 
 @group(0) @binding(0) var<storage, read> limbs: array<Limb>;
 @group(0) @binding(1) var<storage, read> pieces: array<Piece>;
+// The seats of each branch follow each other, those of each of its pieces too.
 @group(0) @binding(2) var<storage, read> seats: array<Seat>;
 @group(0) @binding(3) var<storage, read> amplitudes: array<vec2f>;
 // The angle by which each section turns about its seat's axis.
 @group(0) @binding(4) var<storage, read> turns: array<f32>;
-// The boxes around what each section carries at rest.
+// The boxes around what the section of each seat carries at rest.
 @group(0) @binding(5) var<storage, read> at_rest: array<Oriented>;
-@group(0) @binding(6) var<storage, read> members: array<u32>;
+@group(0) @binding(6) var<storage, read> runs: array<Run>;
+// Those of branch k begin k places behind its pieces: one for each piece, and one for the tip.
 @group(0) @binding(7) var<storage, read_write> marks: array<Mark>;
 @group(0) @binding(8) var<storage, read_write> states: array<State>;
-@group(0) @binding(9) var<storage, read_write> boxes: array<Box>;
-@group(0) @binding(10) var<storage, read_write> parts: array<Box>;
-@group(0) @binding(11) var sections: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(9) var<storage, read_write> parts: array<Box>;
+// Two for each section: the place that its point moves to, and a quaternion.
+@group(0) @binding(10) var<storage, read_write> sections: array<vec4f>;
 
 const REST = vec4f(0.0, 0.0, 0.0, 1.0);
 // The corners of an empty box.
@@ -150,27 +168,42 @@ fn polynomial(a: vec4f, y: f32) -> vec2f {
         (((5.0 * a.w * y + 4.0 * a.z) * y + 3.0 * a.y) * y + 2.0 * a.x) * y);
 }
 
-// Where the share x of a branch stands on its bent beam: along, across, and the cosine and sine of its turn
-// (`plant::length::bend`).
-fn bend(k: u32, x: f32, amplitude: f32) -> vec4f {
+// About where the share x of a branch stands along its bent beam (`plant::length::bend`).
+fn about(limb: Limb, x: f32, amplitude: f32) -> f32 {
+    let straight = polynomial(limb.a, coordinate(limb.alpha, limb.ln_alpha, x));
+    let du = amplitude * straight.y / (((1.0 - x) + limb.alpha * x) * limb.ell);
+    let root = sqrt(1.0 + du * du);
+    return x - amplitude * straight.x * du / ((1.0 + root) * root);
+}
+
+// The same between two marks, where the beam goes along by the cosine of its turn.
+fn between(a: Mark, b: Mark, x: f32) -> f32 {
+    let h = b.begin - a.begin;
+    let u = (x - a.begin) / max(h, 1e-9);
+    let v = 1.0 - u;
+    let from_a = (1.0 + 2.0 * u) * a.along + u * h * a.cosine;
+    let from_b = (1.0 + 2.0 * v) * b.along - v * h * b.cosine;
+    return v * v * from_a + u * u * from_b;
+}
+
+// Where the share x of a branch stands on its bent beam: along, across, and the cosine and sine of its turn.
+// `along` is about the first of them.
+fn bend(limb: Limb, x: f32, amplitude: f32, along: f32) -> vec4f {
     var nodes = array<vec2f, 6>(
         vec2f(0.033765243, 0.085662246), vec2f(0.16939531, 0.18038079), vec2f(0.38069041, 0.23395697),
         vec2f(0.61930959, 0.23395697), vec2f(0.83060469, 0.18038079), vec2f(0.96623476, 0.085662246));
-    let alpha = limbs[k].alpha;
-    let ln_alpha = limbs[k].ln_alpha;
-    let ell = limbs[k].ell;
-    let a = limbs[k].a;
-    let straight = polynomial(a, coordinate(alpha, ln_alpha, x));
-    let du = amplitude * straight.y / (((1.0 - x) + alpha * x) * ell);
-    let root = sqrt(1.0 + du * du);
-    var y = coordinate(alpha, ln_alpha, max(x - amplitude * straight.x * du / ((1.0 + root) * root), 0.0));
+    let alpha = limb.alpha;
+    let ln_alpha = limb.ln_alpha;
+    let ell = limb.ell;
+    let a = limb.a;
+    var y = coordinate(alpha, ln_alpha, clamp(along, 0.0, 1.0));
     for (var step = 0u; step < STEPS; step++) {
         var extra = 0.0;
         for (var n = 0u; n < 6u; n++) {
             let v = y * nodes[n].x;
-            let along = exp(v * ln_alpha) * ell;
+            let on = exp(v * ln_alpha) * ell;
             let up = amplitude * polynomial(a, v).y;
-            extra += nodes[n].y * up * up / (sqrt(along * along + up * up) + along);
+            extra += nodes[n].y * up * up / (sqrt(on * on + up * up) + on);
         }
         let grown = exp(y * ln_alpha);
         let speed = length(vec2f(grown * ell, amplitude * polynomial(a, y).y));
@@ -188,20 +221,17 @@ fn bend(k: u32, x: f32, amplitude: f32) -> vec4f {
 }
 
 // How far the axis goes from the beginning of a piece to the share x of the bent branch (`Swung::end`).
-fn gone(k: u32, piece: u32, x: f32, e: vec3f, earlier: vec2f, later: vec2f) -> vec3f {
-    let t = limbs[k].t;
+fn gone(limb: Limb, piece: Piece, x: f32, e: vec3f, earlier: vec2f, later: vec2f) -> vec3f {
+    let t = limb.t;
     let b = cross(t, e);
-    let way = pieces[piece].way;
     let d = later - earlier;
-    let within = dot(way, t) * (d.x * t + d.y * e) + dot(way, e) * (d.x * e - d.y * t);
-    return limbs[k].length * (within + dot(way, b) * (x - pieces[piece].begin) * b);
+    let within = dot(piece.way, t) * (d.x * t + d.y * e) + dot(piece.way, e) * (d.x * e - d.y * t);
+    return limb.length * (within + dot(piece.way, b) * (x - piece.begin) * b);
 }
 
-fn direction(k: u32, amplitude: vec2f) -> vec3f {
-    let t = limbs[k].t;
-    let r = limbs[k].r;
+fn direction(limb: Limb, amplitude: vec2f) -> vec3f {
     let size = length(amplitude);
-    return select(r, (amplitude.x * r + amplitude.y * cross(t, r)) / size, size > 0.0);
+    return select(limb.r, (amplitude.x * limb.r + amplitude.y * cross(limb.t, limb.r)) / size, size > 0.0);
 }
 
 @compute @workgroup_size(64)
@@ -216,19 +246,22 @@ fn bend_limbs(@builtin(global_invocation_id) id: vec3u) {
     if (size == 0.0) {
         return;
     }
-    let e = direction(k, amplitude);
-    let first = limbs[k].first_piece;
-    var place = pieces[first].place;
+    let limb = limbs[k];
+    let e = direction(limb, amplitude);
+    let first = limb.first_piece;
+    var piece = pieces[first];
+    var place = piece.place;
     var before = vec2f(0.0);
-    for (var n = 0u; n < limbs[k].pieces; n++) {
-        let piece = first + n;
-        let x = pieces[piece].begin;
-        let bent = bend(k, x, size);
+    for (var n = 0u; n <= limb.pieces; n++) {
+        let next = pieces[first + min(n, limb.pieces - 1u)];
+        let x = select(1.0, next.begin, n < limb.pieces);
+        let bent = bend(limb, x, size, about(limb, x, size));
         if (n > 0u) {
-            place += gone(k, piece - 1u, x, e, before, bent.xy);
+            place += gone(limb, piece, x, e, before, bent.xy);
         }
+        piece = next;
         before = bent.xy;
-        marks[piece] = Mark(place, bent.x, bent.y);
+        marks[first + k + n] = Mark(place, bent.x, bent.y, bent.z, x);
     }
 }
 
@@ -238,22 +271,39 @@ struct Rigid {
     turn: vec4f,
 }
 
-// The cross-section at the share x of branch k, on its given piece, before the base moves it.
-fn own(k: u32, x: f32, number: u32) -> Rigid {
-    let piece = limbs[k].first_piece + number;
-    let amplitude = states[k].amplitude;
-    let size = length(amplitude);
+// What the cross-sections on a piece of a branch have in common, and the marks of its ends.
+struct On {
+    limb: Limb,
+    piece: Piece,
+    begin: Mark,
+    end: Mark,
+    amplitude: vec2f,
+}
+
+fn on_piece(k: u32, number: u32) -> On {
+    let limb = limbs[k];
+    let piece = limb.first_piece + number;
+    return On(limb, pieces[piece], marks[piece + k], marks[piece + k + 1u], states[k].amplitude);
+}
+
+// The cross-section at the share x of a branch, before the base moves it.
+fn own(on: On, x: f32) -> Rigid {
+    let limb = on.limb;
+    let size = length(on.amplitude);
     if (size == 0.0) {
-        let rest = pieces[piece];
-        return Rigid(rest.place + rest.way * ((x - rest.begin) * limbs[k].length), REST);
+        return Rigid(on.piece.place + on.piece.way * ((x - on.piece.begin) * limb.length), REST);
     }
-    let e = direction(k, amplitude);
-    let bent = bend(k, x, size);
-    let mark = marks[piece];
-    let to = mark.place + gone(k, piece, x, e, vec2f(mark.along, mark.across), bent.xy);
+    let e = direction(limb, on.amplitude);
+    //#if CLOSED_FORM
+    let along = about(limb, x, size);
+    //#else
+    let along = between(on.begin, on.end, x);
+    //#endif
+    let bent = bend(limb, x, size, along);
+    let to = on.begin.place + gone(limb, on.piece, x, e, vec2f(on.begin.along, on.begin.across), bent.xy);
     // Half the turn in the plane of t and e.
     let cosine = sqrt(0.5 + 0.5 * bent.z);
-    return Rigid(to, vec4f(cross(limbs[k].t, e) * (0.5 * bent.w / cosine), cosine));
+    return Rigid(to, vec4f(cross(limb.t, e) * (0.5 * bent.w / cosine), cosine));
 }
 
 // The joint of every branch on its parent, before the parent's base moves it.
@@ -265,7 +315,7 @@ fn join_limbs(@builtin(global_invocation_id) id: vec3u) {
     }
     let parent = limbs[k].parent;
     if (parent >= 0) {
-        let joint = own(u32(parent), limbs[k].at, limbs[k].parent_piece);
+        let joint = own(on_piece(u32(parent), limbs[k].parent_piece), limbs[k].at);
         states[k].to = joint.to;
         states[k].turn = joint.turn;
     }
@@ -290,50 +340,52 @@ fn carry_limbs(@builtin(global_invocation_id) id: vec3u) {
     states[k].base_turn = turn;
 }
 
-// The motion of every section, and the box around what it carries.
+// The motion of every section.
 @compute @workgroup_size(64)
 fn seat_sections(@builtin(global_invocation_id) id: vec3u) {
-    let k = id.x;
-    if (k >= arrayLength(&seats)) {
+    if (id.x >= arrayLength(&runs)) {
         return;
     }
-    let seat = seats[k];
-    let moved = own(seat.limb, seat.share, seat.piece);
-    let base = states[seat.limb].base_turn;
-    let from_base = limbs[seat.limb].offset + moved.to + rotate(moved.turn, seat.offset);
-    let to = states[seat.limb].base_to + rotate(base, from_base);
-    var turn = after(base, moved.turn);
-    //#if TURNS
-    let half_turn = 0.5 * turns[k];
-    turn = after(turn, vec4f(seat.axis * sin(half_turn), cos(half_turn)));
-    //#endif
-    let texel = vec2u(3u * (k % SECTIONS_WIDE), k / SECTIONS_WIDE);
-    textureStore(sections, texel, vec4f(seat.point, 0.0));
-    textureStore(sections, texel + vec2u(1u, 0u), vec4f(to, 0.0));
-    textureStore(sections, texel + vec2u(2u, 0u), turn);
-    let rest = at_rest[k];
-    if (rest.carries == 0.0) {
-        boxes[k] = Box(vec3f(NOWHERE), vec3f(-NOWHERE));
-        return;
+    let run = runs[id.x];
+    let on = on_piece(run.limb, run.piece);
+    let base_to = states[run.limb].base_to;
+    let base_turn = states[run.limb].base_turn;
+    for (var n = run.first; n < run.first + run.count; n++) {
+        let seat = seats[n];
+        let moved = own(on, seat.share);
+        var from_base = on.limb.offset + moved.to;
+        var turn = after(base_turn, moved.turn);
+        //#if HANGS
+        from_base += rotate(moved.turn, seat.offset);
+        let half_turn = 0.5 * turns[seat.section];
+        turn = after(turn, vec4f(seat.axis * sin(half_turn), cos(half_turn)));
+        //#endif
+        sections[2u * seat.section] = vec4f(base_to + rotate(base_turn, from_base), 0.0);
+        sections[2u * seat.section + 1u] = turn;
     }
-    let centre = to + rotate(turn, rest.centre - seat.point);
-    let sides = abs(rotate(turn, rest.x)) + abs(rotate(turn, rest.y)) + abs(rotate(turn, rest.z));
-    // Vertices are rounded where they are drawn.
-    let around = sides + 1e-6 * abs(centre);
-    boxes[k] = Box(centre - around, centre + around);
 }
 
 // The box around everything that a branch carries: its bark and its leaves.
 @compute @workgroup_size(64)
-fn unite_parts(@builtin(global_invocation_id) id: vec3u) {
+fn enclose_parts(@builtin(global_invocation_id) id: vec3u) {
     let k = id.x;
     if (k >= arrayLength(&limbs)) {
         return;
     }
+    let first = limbs[k].first_seat;
     var all = Box(vec3f(NOWHERE), vec3f(-NOWHERE));
-    for (var n = 0u; n < limbs[k].members; n++) {
-        let one = boxes[members[limbs[k].first_member + n]];
-        all = Box(min(all.low, one.low), max(all.high, one.high));
+    for (var n = first; n < first + limbs[k].seats; n++) {
+        let rest = at_rest[n];
+        if (rest.carries == 0.0) {
+            continue;
+        }
+        let section = 2u * seats[n].section;
+        let turn = sections[section + 1u];
+        let centre = sections[section].xyz + rotate(turn, rest.centre);
+        let sides = abs(rotate(turn, rest.x)) + abs(rotate(turn, rest.y)) + abs(rotate(turn, rest.z));
+        // Vertices are rounded where they are drawn.
+        let around = sides + 1e-6 * abs(centre);
+        all = Box(min(all.low, centre - around), max(all.high, centre + around));
     }
     parts[k] = all;
 }

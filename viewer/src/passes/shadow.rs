@@ -259,6 +259,7 @@ impl ShadowPass {
             return false;
         }
         stats.shadow_triangles = 0;
+        stats.shadow_side = self.fit.as_ref().map_or(self.resolution, |fit| fit.side);
         for (i, layer) in self.layers.iter().enumerate() {
             let timestamp_writes = times.map(|(query_set, base)| wgpu::RenderPassTimestampWrites {
                 query_set,

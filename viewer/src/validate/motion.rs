@@ -3,16 +3,15 @@
 use super::wrong;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::passes::bend::{SECTIONS_WIDE, VERTICES_WIDE};
 use crate::scene::Scene;
 
-/// Validates sections: a texture must hold all of them, and everything that is carried must have one.
+/// Validates sections: a buffer must hold all of them, and everything that is carried must have one.
 pub(super) fn sections(gpu: &Gpu, scene: &Scene) -> Result<()> {
     let (count, of_vertices) = scene.sections.as_ref().map_or((0, [].as_slice()), |s| (s.count, &s.of_vertices));
     // A number in single precision names each section, and such numbers are exact up to 2^24.
-    let rows = (gpu.device.limits().max_texture_dimension_2d as usize).min(8192);
-    let most = [rows * SECTIONS_WIDE as usize, rows * VERTICES_WIDE as usize];
-    for (what, found, most) in [("sections", count, most[0]), ("vertices of bark", of_vertices.len(), most[1])] {
+    let bytes = gpu.device.limits().max_storage_buffer_binding_size.min(gpu.device.limits().max_buffer_size) as usize;
+    for (what, found, each) in [("sections", count, 32), ("vertices of bark", of_vertices.len(), 4)] {
+        let most = (bytes / each).min(1 << 24);
         if found > most {
             return Err(wrong(what, found, format!("at most {most}")));
         }
