@@ -38,6 +38,26 @@ pub struct Motion {
     pub method: Method,
 }
 
+/// The four texels around a place in a texture, and where the place is among them. [`Motion::sample`] does all at once;
+/// who reads at many places works out all cells first and then reads them, so that memory is waited for only once.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    texels: [usize; 4],
+    share: [f64; 2],
+}
+
+impl Cell {
+    /// The values of the four texels, linearly filtered.
+    pub fn between(&self, texels: &[[f32; 2]; 4]) -> [f64; 2] {
+        let [fx, fy] = self.share;
+        [0, 1].map(|k| {
+            let [a, b, c, d] = texels.map(|v| f64::from(v[k]));
+            let (low, high) = (a * (1.0 - fx) + b * fx, c * (1.0 - fx) + d * fx);
+            low * (1.0 - fy) + high * fy
+        })
+    }
+}
+
 /// Texels in a cycle of the highest frequency along y of a directed texture.
 const TEXELS_ACROSS: usize = 16;
 /// In each passage a line through a directed texture climbs by one of the texture's independent rows, and by up to this
@@ -188,6 +208,12 @@ impl Motion {
     /// Both channels at a place in texture units, wrapped and linearly filtered as a sampler with repeat addressing
     /// does.
     pub fn sample(&self, at: [f64; 2]) -> [f64; 2] {
+        let cell = self.cell(at);
+        cell.between(&self.texels(&cell))
+    }
+
+    /// The texels around a place in texture units.
+    pub fn cell(&self, at: [f64; 2]) -> Cell {
         let n = self.size;
         let [(x0, x1, fx), (y0, y1, fy)] = at.map(|c| {
             let c = wrapped(c) * n as f64 - 0.5;
@@ -196,12 +222,12 @@ impl Motion {
             let first = if low < 0.0 { n - 1 } else { (low as usize).min(n - 1) };
             (first, if first + 1 == n { 0 } else { first + 1 }, c - low)
         });
-        let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| self.values[y * n + x]);
-        [0, 1].map(|k| {
-            let [a, b, c, d] = [a, b, c, d].map(|v| f64::from(v[k]));
-            let (low, high) = (a * (1.0 - fx) + b * fx, c * (1.0 - fx) + d * fx);
-            low * (1.0 - fy) + high * fy
-        })
+        Cell { texels: [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| y * n + x), share: [fx, fy] }
+    }
+
+    /// Both channels of a cell's texels.
+    pub fn texels(&self, cell: &Cell) -> [[f32; 2]; 4] {
+        cell.texels.map(|k| self.values[k])
     }
 
     /// Root mean square of both channels over the texture.

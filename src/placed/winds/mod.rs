@@ -15,9 +15,9 @@ use crate::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::form::Branch;
-use mesophyll_flora::pose::{FREELY, Lengths, Limb, Limbs, Pose, Rigid, held as limited};
+use mesophyll_flora::pose::{self, FREELY, Lengths, Limb, Limbs, Pose, Rigid};
 use mesophyll_manifest::{Flutter, Manifest};
-use mesophyll_plant::motion::{Motion, Trajectory};
+use mesophyll_plant::motion::{Cell, Motion, Trajectory};
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Sway, Wind};
 use rayon::prelude::*;
@@ -71,6 +71,14 @@ struct Gusty {
     texture: usize,
     gain: f64,
     line: Trajectory,
+}
+
+impl Swing {
+    /// Amplitude of a branch towards r and s of its limb where the motion texture has the value `gust`.
+    fn amplitude(&self, gust: [f64; 2]) -> [f64; 2] {
+        let Some(Gusty { steady, gain, .. }) = &self.gusts else { return self.weight };
+        [0, 1].map(|c| self.weight[c] + (steady[c] + gain * gust[c]))
+    }
 }
 
 /// The number of branches whose amplitudes are worth a thread of their own.
@@ -213,13 +221,6 @@ impl Winds {
         Swing { weight, gusts: Some(Gusty { steady, texture: answer.texture, gain: answer.gain, line }) }
     }
 
-    /// Amplitude of a branch towards r and s of its limb at a time (s).
-    fn amplitude(&self, swing: &Swing, time: f64) -> [f64; 2] {
-        let Some(Gusty { steady, texture, gain, line }) = &swing.gusts else { return swing.weight };
-        let gust = self.motions[*texture].sample(line.at(time));
-        [0, 1].map(|c| swing.weight[c] + (steady[c] + gain * gust[c]))
-    }
-
     /// The amplitude of every branch of every plant at every place, as poses hold it ([`Limb::held`]): times the unit
     /// vector towards r and s. The branches of a plant follow each other, place after place. What does not change with
     /// time is worked out once.
@@ -230,13 +231,28 @@ impl Winds {
             limbs.map(|(k, limb)| (self.swing(swaying, place, k), limb.bends_by())).collect()
         };
         let swings: Vec<(Swing, f64)> = self.places().flat_map(of).collect();
-        move |time| {
-            let one = |(swing, tip): &(Swing, f64)| {
-                let (way, size) = limited(winds.amplitude(swing, time), *tip);
-                way.map(|c| (c * size) as f32)
-            };
-            swings.par_iter().with_min_len(SWINGS).map(one).collect()
-        }
+        move |time| swings.par_chunks(SWINGS).flat_map_iter(|some| winds.held(some, time)).collect()
+    }
+
+    /// The amplitudes of these branches at a time, each with how far its beam's tip goes for an amplitude of 1. All texels
+    /// are looked for first and then read: textures are large, and so memory is waited for many times at once.
+    fn held(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
+        let cell = |(swing, _): &(Swing, f64)| {
+            let of = swing.gusts.as_ref()?;
+            Some((&self.motions[of.texture], self.motions[of.texture].cell(of.line.at(time))))
+        };
+        let cells: Vec<Option<(&Motion, Cell)>> = swings.iter().map(cell).collect();
+        let texels = |of: &Option<(&Motion, Cell)>| of.as_ref().map(|(motion, cell)| motion.texels(cell));
+        let texels: Vec<Option<[[f32; 2]; 4]>> = cells.iter().map(texels).collect();
+        let gusts = cells.iter().zip(&texels).map(|both| match both {
+            (Some((_, cell)), Some(texels)) => cell.between(texels),
+            _ => [0.0; 2],
+        });
+        let one = |((swing, tip), gust): (&(Swing, f64), [f64; 2])| {
+            let (way, size) = pose::held(swing.amplitude(gust), *tip);
+            way.map(|c| (c * size) as f32)
+        };
+        swings.iter().zip(gusts).map(one).collect()
     }
 
     /// Every plant that moves at each of its places: its index, the plant, and the index of the place.
@@ -252,7 +268,11 @@ impl Winds {
 
     fn pose_with(&self, lengths: Lengths, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
-        let amplitude = |branch| self.amplitude(&self.swing(swaying, place, branch), time);
+        let amplitude = |branch| {
+            let swing = self.swing(swaying, place, branch);
+            let gust = |of: &Gusty| self.motions[of.texture].sample(of.line.at(time));
+            swing.amplitude(swing.gusts.as_ref().map_or([0.0; 2], gust))
+        };
         let pose = swaying.limbs.pose_with(lengths, amplitude);
         Some(match &swaying.flutter {
             Some(flutter) => pose.with_leaves(flutter.turns(place, time)),
