@@ -45,8 +45,8 @@ const STEP: f64 = 1.0 / 30.0;
 pub const PIECES: u64 = WAYS.len() as u64;
 
 /// A row of Table 4.3: name, number of trees, whether they are lit, whether motion is simplified, frames a second at
-/// rest and in motion, and milliseconds of the motion alone. And how many pairs of frames are drawn, one at rest and one
-/// in motion, of which the median counts: more where a frame is quick and the motion costs little.
+/// rest and in motion, and milliseconds of the motion alone. And how many pairs of frames are drawn, one at rest and
+/// one in motion, of which the median counts: more where a frame is quick and the motion costs little.
 struct Way {
     name: &'static str,
     trees: usize,
@@ -145,7 +145,7 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera, pairs:
     let [w, h] = SIZE;
     pair.moving.set_scene(scene).map_err(told)?;
     pair.moving.draw(camera, w, h).map_err(told)?;
-    // Shadow maps of what moves have no more texels than the picture shows. Those of the tree at rest have as many here.
+    // Shadow maps of what moves have no more texels than the picture shows. Those of the tree at rest get as many.
     if scene.sun.is_some() {
         rest.shadow_resolution = pair.moving.stats().shadow_side;
     }

@@ -161,11 +161,6 @@ impl Limb {
         Some((piece, place + way * ((x - begin) * self.length)))
     }
 
-    /// An amplitude towards r and s as poses limit it ([`held`]).
-    pub fn held(&self, amplitude: [f64; 2]) -> ([f64; 2], f64) {
-        held(amplitude, self.bends_by())
-    }
-
     /// How far the beam's tip goes for an amplitude of 1; 0 for a branch without length, which does not bend.
     pub fn bends_by(&self) -> f64 {
         if self.length > 0.0 { self.shape.tip() } else { 0.0 }
@@ -207,8 +202,8 @@ pub fn limited(size: f64, free: f64, furthest: f64) -> f64 {
     if size <= free { size } else { free + room * ((size - free) / room).tanh() }
 }
 
-/// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends. `tip` is
-/// how far the beam's tip goes for an amplitude of 1 ([`Limb::bends_by`]).
+/// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends. `tip`
+/// is how far the beam's tip goes for an amplitude of 1 ([`Limb::bends_by`]).
 pub fn held([x, y]: [f64; 2], tip: f64) -> ([f64; 2], f64) {
     let wanted = x.hypot(y);
     let bends = wanted > 0.0 && wanted.is_finite() && tip > 0.0;
@@ -250,7 +245,7 @@ impl Swung {
     /// A branch that is bent by this amplitude, on a base that does not move.
     fn new(limb: &Limb, amplitude: [f64; 2], lengths: Lengths) -> Swung {
         let [t, r, s] = limb.axes;
-        let ([x, y], size) = limb.held(amplitude);
+        let ([x, y], size) = held(amplitude, limb.bends_by());
         let e = x * r + y * s;
         let mut swung = Swung { base: Rigid::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
         if size > 0.0 {

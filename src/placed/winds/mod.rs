@@ -221,7 +221,7 @@ impl Winds {
         Swing { weight, gusts: Some(Gusty { steady, texture: answer.texture, gain: answer.gain, line }) }
     }
 
-    /// The amplitude of every branch of every plant at every place, as poses hold it ([`Limb::held`]): times the unit
+    /// The amplitude of every branch of every plant at every place, as poses hold it ([`pose::held`]): times the unit
     /// vector towards r and s. The branches of a plant follow each other, place after place. What does not change with
     /// time is worked out once.
     pub fn amplitudes(self: &Arc<Winds>) -> impl Fn(f64) -> Vec<[f32; 2]> + Send + Sync + use<> {
@@ -234,8 +234,8 @@ impl Winds {
         move |time| swings.par_chunks(SWINGS).flat_map_iter(|some| winds.held(some, time)).collect()
     }
 
-    /// The amplitudes of these branches at a time, each with how far its beam's tip goes for an amplitude of 1. All texels
-    /// are looked for first and then read: textures are large, and so memory is waited for many times at once.
+    /// The amplitudes of these branches at a time, each with how far its beam's tip goes for an amplitude of 1. All
+    /// texels are looked for first and then read: textures are large, and so many readings wait for memory at once.
     fn held(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
         let cell = |(swing, _): &(Swing, f64)| {
             let of = swing.gusts.as_ref()?;
