@@ -105,13 +105,13 @@ impl Trajectory {
         Trajectory { start, velocity: [speed, speed * slope] }
     }
 
-    /// Place at time `t` (s), in texture units, wrapped to [0, 1).
+    /// Place at time `t` (s), in texture units, wrapped to 0..1. It may round to 1.
     pub fn at(&self, t: f64) -> [f64; 2] {
         [0, 1].map(|k| wrapped(self.start[k] + t * self.velocity[k]))
     }
 }
 
-/// A place in texture units, wrapped to [0, 1). It may round to 1.
+/// A place in texture units, wrapped to 0..1. It may round to 1.
 fn wrapped(place: f64) -> f64 {
     place - place.floor()
 }

@@ -221,6 +221,12 @@ impl Winds {
         Swing { weight, gusts: Some(Gusty { steady, texture: answer.texture, gain: answer.gain, line }) }
     }
 
+    /// Amplitude of a branch towards r and s of its limb at a time (s).
+    fn amplitude(&self, swing: &Swing, time: f64) -> [f64; 2] {
+        let gust = |of: &Gusty| self.motions[of.texture].sample(of.line.at(time));
+        swing.amplitude(swing.gusts.as_ref().map_or([0.0; 2], gust))
+    }
+
     /// The amplitude of every branch of every plant at every place, as poses hold it ([`pose::held`]): times the unit
     /// vector towards r and s. The branches of a plant follow each other, place after place. What does not change with
     /// time is worked out once.
@@ -231,12 +237,12 @@ impl Winds {
             limbs.map(|(k, limb)| (self.swing(swaying, place, k), limb.bends_by())).collect()
         };
         let swings: Vec<(Swing, f64)> = self.places().flat_map(of).collect();
-        move |time| swings.par_chunks(SWINGS).flat_map_iter(|some| winds.held(some, time)).collect()
+        move |time| swings.par_chunks(SWINGS).flat_map_iter(|some| winds.amplitudes_of(some, time)).collect()
     }
 
     /// The amplitudes of these branches at a time, each with how far its beam's tip goes for an amplitude of 1. All
     /// texels are looked for first and then read: textures are large, and so many readings wait for memory at once.
-    fn held(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
+    fn amplitudes_of(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
         let cell = |(swing, _): &(Swing, f64)| {
             let of = swing.gusts.as_ref()?;
             Some((&self.motions[of.texture], self.motions[of.texture].cell(of.line.at(time))))
@@ -268,11 +274,7 @@ impl Winds {
 
     fn pose_with(&self, lengths: Lengths, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
-        let amplitude = |branch| {
-            let swing = self.swing(swaying, place, branch);
-            let gust = |of: &Gusty| self.motions[of.texture].sample(of.line.at(time));
-            swing.amplitude(swing.gusts.as_ref().map_or([0.0; 2], gust))
-        };
+        let amplitude = |branch| self.amplitude(&self.swing(swaying, place, branch), time);
         let pose = swaying.limbs.pose_with(lengths, amplitude);
         Some(match &swaying.flutter {
             Some(flutter) => pose.with_leaves(flutter.turns(place, time)),

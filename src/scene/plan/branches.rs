@@ -26,7 +26,7 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
         plan.leave_out(LeftOut::new("beam fit", told, coefficients, None));
         plan.leave_out(LeftOut::new("motion texture", unswayed(manifest), texture, None));
         if !manifest.plants.is_empty() {
-            // A section takes three texels of four numbers, and every vertex of bark has the number of its section.
+            // A section takes three vectors of four numbers, and every vertex of bark has the number of its section.
             let vertices: usize = placed.wood.iter().map(|w| w.mesh.positions.len()).sum();
             let bytes = (4 * vertices + 48 * placed.placements.len()) as u64;
             plan.leave_out(LeftOut::new("plants in the wind", why, bytes, None));

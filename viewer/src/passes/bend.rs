@@ -66,7 +66,6 @@ impl BendPass {
     /// carry nothing.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, times: &[Vec<Section>], stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
-        stats.upload("sections", (times.len() * sections.count * 48) as u64);
         Some(BendPass::of(gpu, sections, times, stats))
     }
 
@@ -83,6 +82,7 @@ impl BendPass {
     }
 
     fn of(gpu: &Gpu, sections: &Sections, times: &[Vec<Section>], stats: &mut Stats) -> BendPass {
+        stats.upload("sections", (times.len() * sections.count * 48) as u64);
         stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let points = gpu.buffer("points of sections", bytemuck::cast_slice(&points(times)), usage);

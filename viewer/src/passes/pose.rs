@@ -351,6 +351,8 @@ mod tests {
         let most = (limits.max_storage_buffer_binding_size / 64) as usize;
         assert!(within(&limits, 1500, 4000, 14_000) && within(&limits, 1, 1, most));
         assert!(!within(&limits, 1, 1, most + 1) && !within(&limits, most, 1, 1));
+        let marks = (limits.max_storage_buffer_binding_size / 32) as usize;
+        assert!(within(&limits, 1, marks - 1, 1) && !within(&limits, 1, marks, 1));
         let large = wgpu::Limits { max_storage_buffer_binding_size: u64::MAX, ..limits.clone() };
         assert!(within(&large, 1, 1, 64 * 65_535) && !within(&large, 1, 1, 64 * 65_535 + 1));
         let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..limits };

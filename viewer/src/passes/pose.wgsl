@@ -64,7 +64,9 @@ struct Seat {
     offset: vec3f,
     axis: vec3f,
     //#endif
+    // Along the branch: 0 at the root, 1 at the tip.
     share: f32,
+    // The number of the section that sits there.
     section: u32,
 }
 
@@ -104,7 +106,7 @@ struct Box {
 // The boxes around what the section of each seat carries at rest.
 @group(0) @binding(5) var<storage, read> at_rest: array<Oriented>;
 @group(0) @binding(6) var<storage, read> runs: array<Run>;
-// Those of branch k begin k places behind its pieces: one for each piece, and one for the tip.
+// Those of branch k begin at its first piece plus k: one for each piece, and one for the tip.
 @group(0) @binding(7) var<storage, read_write> marks: array<Mark>;
 @group(0) @binding(8) var<storage, read_write> states: array<State>;
 @group(0) @binding(9) var<storage, read_write> parts: array<Box>;

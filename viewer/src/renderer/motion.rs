@@ -19,8 +19,8 @@ impl Renderer {
     /// precision of radiance: single, or half where the adapter cannot draw better.
     ///
     /// # Errors
-    /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, for a scanner, or where no
-    /// scene is set; `Device`, `Readback`.
+    /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, for a scanner, where no scene is
+    /// set, or where a buffer cannot hold its sections at two times; `Device`, `Readback`.
     pub fn motion(
         &mut self,
         scene: &Scene,
@@ -40,6 +40,9 @@ impl Renderer {
                 expected: "a scene that a camera looks at, set before".into(),
             });
         };
+        if loaded.motion.is_none() {
+            validate::sections(&self.gpu, scene, 2)?;
+        }
         let guard = Guard::new(&self.gpu);
         let gpu = &self.gpu;
         // The same instances are drawn, at the same sizes, as in the picture, except that the CPU chooses. It does not

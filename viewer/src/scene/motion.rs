@@ -36,7 +36,7 @@ pub struct Sections {
 pub struct Poses {
     /// The branches. A parent stands before what grows on it.
     pub limbs: Vec<Limb>,
-    /// The pieces of the axes of all branches.
+    /// The pieces of the axes of all branches, in the order of the branches; no two branches share any.
     pub pieces: Vec<Piece>,
     /// Where each section sits, in the order of the sections.
     pub seats: Vec<Seat>,

@@ -8,6 +8,7 @@ mod transfer;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::{Backdrop, Camera, Dome, Scanner, Scene};
+pub(crate) use motion::sections;
 pub(crate) use surface::material;
 
 /// The largest memory of all shadow maps together (bytes).
@@ -45,7 +46,7 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
         crate::grass::validate(gpu, i, grass)?;
     }
     motion::wind(scene)?;
-    motion::sections(gpu, scene)?;
+    sections(gpu, scene, 1)?;
     transfer::transfer(gpu, scene)?;
     transfer::shares(gpu, scene)?;
     lights(gpu, scene)

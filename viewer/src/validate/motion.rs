@@ -5,12 +5,19 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::Scene;
 
-/// Validates sections: a buffer must hold all of them, and everything that is carried must have one.
-pub(super) fn sections(gpu: &Gpu, scene: &Scene) -> Result<()> {
+/// Validates sections: a buffer must hold all of them at so many `times`, the vertex stage must read it, and everything
+/// that is carried must have a section.
+pub(crate) fn sections(gpu: &Gpu, scene: &Scene, times: usize) -> Result<()> {
     let (count, of_vertices) = scene.sections.as_ref().map_or((0, [].as_slice()), |s| (s.count, &s.of_vertices));
+    let reads = gpu.adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::VERTEX_STORAGE);
+    if count > 0 && !reads {
+        let found = format!("{count} on {}, whose vertex stage reads no buffers of numbers", gpu.info.name);
+        let expected = "an adapter with Vulkan, Metal, DirectX 12 or a newer OpenGL, or a scene in which nothing moves";
+        return Err(wrong("sections", found, expected));
+    }
     // A number in single precision names each section, and such numbers are exact up to 2^24.
     let bytes = gpu.device.limits().max_storage_buffer_binding_size.min(gpu.device.limits().max_buffer_size) as usize;
-    for (what, found, each) in [("sections", count, 32), ("vertices of bark", of_vertices.len(), 4)] {
+    for (what, found, each) in [("sections", count, 32 * times), ("vertices of bark", of_vertices.len(), 4)] {
         let most = (bytes / each).min(1 << 24);
         if found > most {
             return Err(wrong(what, found, format!("at most {most}")));
