@@ -19,8 +19,8 @@ impl Renderer {
     /// precision of radiance: single, or half where the adapter cannot draw better.
     ///
     /// # Errors
-    /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, for a scanner, where no scene is
-    /// set, or where a buffer cannot hold its sections at two times; `Device`, `Readback`.
+    /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, for a scanner, where no scene
+    /// is set, or where a buffer cannot hold its sections at two times; `Device`, `Readback`.
     pub fn motion(
         &mut self,
         scene: &Scene,
