@@ -148,10 +148,10 @@ impl Limb {
         limb
     }
 
-    /// Deflection of the tip over the length, for an amplitude of 1, of the straight beam that the branch bends as.
-    /// Poses limit it ([`FREELY`]).
+    /// Deflection of the tip over the length, for an amplitude of 1, of the straight beam that the branch bends as; 0
+    /// for a branch without length, which does not bend. Poses limit it ([`FREELY`]).
     pub fn beam_tip(&self) -> f64 {
-        self.shape.tip()
+        if self.length > 0.0 { self.shape.tip() } else { 0.0 }
     }
 
     /// The piece of the axis at the share `x`, and the place there at rest; `None` for a branch without length.
@@ -159,11 +159,6 @@ impl Limb {
         let piece = self.pieces.partition_point(|p| p.0 <= x).saturating_sub(1);
         let (begin, place, way) = *self.pieces.get(piece)?;
         Some((piece, place + way * ((x - begin) * self.length)))
-    }
-
-    /// How far the beam's tip goes for an amplitude of 1; 0 for a branch without length, which does not bend.
-    pub fn bends_by(&self) -> f64 {
-        if self.length > 0.0 { self.shape.tip() } else { 0.0 }
     }
 
     /// The growth of the beam's deflection along piece `k`, for an amplitude of 1.
@@ -203,7 +198,7 @@ pub fn limited(size: f64, free: f64, furthest: f64) -> f64 {
 }
 
 /// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends. `tip`
-/// is how far the beam's tip goes for an amplitude of 1 ([`Limb::bends_by`]).
+/// is the branch's [`Limb::beam_tip`].
 pub fn held([x, y]: [f64; 2], tip: f64) -> ([f64; 2], f64) {
     let wanted = x.hypot(y);
     let bends = wanted > 0.0 && wanted.is_finite() && tip > 0.0;
@@ -245,7 +240,7 @@ impl Swung {
     /// A branch that is bent by this amplitude, on a base that does not move.
     fn new(limb: &Limb, amplitude: [f64; 2], lengths: Lengths) -> Swung {
         let [t, r, s] = limb.axes;
-        let ([x, y], size) = held(amplitude, limb.bends_by());
+        let ([x, y], size) = held(amplitude, limb.beam_tip());
         let e = x * r + y * s;
         let mut swung = Swung { base: Rigid::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
         if size > 0.0 {

@@ -234,14 +234,15 @@ impl Winds {
         let winds = self.clone();
         let of = |(_, swaying, place): (usize, &Swaying, usize)| -> Vec<(Swing, f64)> {
             let limbs = swaying.limbs.0.iter().enumerate();
-            limbs.map(|(k, limb)| (self.swing(swaying, place, k), limb.bends_by())).collect()
+            limbs.map(|(k, limb)| (self.swing(swaying, place, k), limb.beam_tip())).collect()
         };
         let swings: Vec<(Swing, f64)> = self.places().flat_map(of).collect();
         move |time| swings.par_chunks(SWINGS).flat_map_iter(|some| winds.amplitudes_of(some, time)).collect()
     }
 
-    /// The amplitudes of these branches at a time, each with how far its beam's tip goes for an amplitude of 1. All
-    /// texels are looked for first and then read: textures are large, and so many readings wait for memory at once.
+    /// The amplitudes at a time of some branches, each of which comes with its [`Limb::beam_tip`]. First the place of
+    /// every texel is worked out, then all texels are read. A texture is larger than the cache, so each reading waits for
+    /// memory; side by side they wait together.
     fn amplitudes_of(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
         let cell = |(swing, _): &(Swing, f64)| {
             let of = swing.gusts.as_ref()?;

@@ -16,10 +16,11 @@ pub(crate) fn sections(gpu: &Gpu, scene: &Scene, times: usize) -> Result<()> {
         return Err(wrong("sections", found, expected));
     }
     // A number in single precision names each section, and such numbers are exact up to 2^24.
-    let bytes = gpu.device.limits().max_storage_buffer_binding_size.min(gpu.device.limits().max_buffer_size) as usize;
+    let limits = gpu.device.limits();
+    let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     for (what, found, each) in [("sections", count, 32 * times), ("vertices of bark", of_vertices.len(), 4)] {
-        let most = (bytes / each).min(1 << 24);
-        if found > most {
+        let most = (bytes / each as u64).min(1 << 24);
+        if found as u64 > most {
             return Err(wrong(what, found, format!("at most {most}")));
         }
     }

@@ -80,7 +80,10 @@ fn a_picture_does_not_depend_on_what_was_drawn_before() {
     let Some(mut renderer) = renderer() else { return };
     renderer.set_scene(&scene()).expect("scene");
     let far = look(&mut renderer, 100.0);
+    let side = renderer.stats().shadow_side;
     let near = look(&mut renderer, 20.0);
+    assert_eq!(renderer.stats().shadow_side, scene().shadow_resolution);
+    assert!(2 * side <= scene().shadow_resolution, "{side} texels from far");
     let drawn = renderer.stats().shadow_renders;
     // The maps are drawn again where the picture needs other ones, and only there.
     assert!(look(&mut renderer, 100.0).hdr == far.hdr && look(&mut renderer, 100.0).hdr == far.hdr);
