@@ -241,8 +241,8 @@ impl Winds {
     }
 
     /// The amplitudes at a time of some branches, each of which comes with its [`Limb::beam_tip`]. First the place of
-    /// every texel is worked out, then all texels are read. A texture is larger than the cache, so each reading waits for
-    /// memory; side by side they wait together.
+    /// every texel is worked out, then all texels are read. A texture is larger than the cache, so each reading waits
+    /// for memory; side by side they wait together.
     fn amplitudes_of(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
         let cell = |(swing, _): &(Swing, f64)| {
             let of = swing.gusts.as_ref()?;
