@@ -3,7 +3,7 @@
 //! So a leaf needs one instanced draw for each level.
 
 use crate::gpu::Gpu;
-use crate::passes::bend;
+use crate::passes::bend::Of;
 use crate::scene::{Camera, Instance, Mesh};
 use crate::thin::{MANY, Seen, enlarged, larger, ranks};
 use glam::Vec3;
@@ -25,8 +25,9 @@ pub(crate) struct Levels {
     ball: (Vec3, f32),
     /// A ball around each instance at rest: centre, radius, and the instance's scale.
     spheres: Vec<(Vec3, f32, f32)>,
+    /// The rows of each instance's transform at rest, and the section that carries it (`passes::bend`).
     rows: Vec<[[f32; 4]; 3]>,
-    rides: Vec<[f32; 2]>,
+    rides: Vec<Of>,
     begins: Vec<[u32; 2]>,
     /// Whether nothing moves the instance away from its ball.
     still: Vec<bool>,
@@ -52,12 +53,6 @@ pub(crate) struct Thinned {
     pub count: u32,
 }
 
-/// The three rows of an instance's transform.
-pub(crate) fn rows(instance: &Instance) -> [[f32; 4]; 3] {
-    let m = instance.transform;
-    [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
-}
-
 /// The first row of light that arrives at an instance, with the level of its anchors in the four highest bits, and the
 /// first of its shares of the sun.
 pub(crate) fn begin(instance: &Instance) -> [u32; 2] {
@@ -77,32 +72,31 @@ pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
 impl Levels {
     /// With `leaves`, fewer and larger instances may be drawn at a distance. `in_full`, all are drawn at their finest
     /// level.
-    pub(crate) fn new(mesh: &Mesh, instances: &[Instance], leaves: bool, in_full: bool) -> Levels {
+    pub(crate) fn new(
+        mesh: &Mesh,
+        instances: &[Instance],
+        (rows, rides, begins): (Vec<[[f32; 4]; 3]>, Vec<Of>, Vec<[u32; 2]>),
+        leaves: bool,
+        in_full: bool,
+    ) -> Levels {
         let mut levels = vec![(0..mesh.indices.len() as u32, 0.0)];
         for detail in mesh.details.iter().filter(|_| !in_full) {
             let start = levels.last().map_or(0, |l| l.0.end);
             levels.push((start..start + detail.indices.len() as u32, detail.error));
         }
         let outlines = mesh.details.iter().filter(|d| d.outline_only && !in_full).count();
-        let (mut spheres, mut kept_rows, mut rides, mut begins) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let many = instances.len() > 1;
         let (centre, radius) = crate::geometry::ball(&mesh.positions);
-        if levels.len() > 1 || many {
-            for instance in instances {
-                let scale = instance.transform.x_axis.truncate().length();
-                spheres.push((instance.transform.transform_point3(centre), radius * scale, scale));
-                kept_rows.push(rows(instance));
-                rides.push(bend::ride(instance));
-                begins.push(begin(instance));
-            }
-        }
+        let sphere = |instance: &Instance| {
+            let scale = instance.transform.x_axis.truncate().length();
+            (instance.transform.transform_point3(centre), radius * scale, scale)
+        };
         let n = instances.len();
         Levels {
             lit: levels.len() - outlines,
             levels,
             ball: (centre, radius),
-            spheres,
-            rows: kept_rows,
+            spheres: instances.iter().map(sphere).collect(),
+            rows,
             rides,
             begins,
             still: instances.iter().map(|i| i.carried.is_none()).collect(),
@@ -134,6 +128,17 @@ impl Levels {
     /// Whether there are levels besides the mesh itself, for pictures or for shadow maps.
     pub(crate) fn several(&self) -> bool {
         self.levels.len() > 1
+    }
+
+    /// The ball around each instance at rest: its centre, from the point of the section that carries the instance if one
+    /// does, and the instance's scale.
+    pub(crate) fn balls(&self) -> Vec<[f32; 4]> {
+        let c = self.ball.0.extend(1.0);
+        let one = |((rows, sphere), still): ((&[[f32; 4]; 3], &(Vec3, f32, f32)), &bool)| {
+            let from_point = || Vec3::from(rows.map(|row| glam::Vec4::from_array(row).dot(c)));
+            (if *still { sphere.0 } else { from_point() }).extend(sphere.2).to_array()
+        };
+        self.rows.iter().zip(&self.spheres).zip(&self.still).map(one).collect()
     }
 
     /// Centre and radius of a ball around the mesh.
@@ -183,7 +188,7 @@ impl Levels {
         }
         let kept: Vec<usize> = (0..sizes.len()).filter(|k| sizes[*k] > 0.0).collect();
         let rows: Vec<[[f32; 4]; 3]> = kept.iter().map(|k| self.larger(*k, sizes[*k])).collect();
-        let rides: Vec<[f32; 2]> = kept.iter().map(|k| self.rides[*k]).collect();
+        let rides: Vec<Of> = kept.iter().map(|k| self.rides[*k]).collect();
         let put = |label: &str, bytes: &[u8]| {
             // No buffer is empty.
             gpu.buffer(
@@ -240,7 +245,7 @@ impl Levels {
         rides: Option<&wgpu::Buffer>,
         begins: Option<&wgpu::Buffer>,
     ) {
-        if self.spheres.is_empty() {
+        if self.levels.len() == 1 && self.spheres.len() == 1 {
             return;
         }
         let size = |(k, (centre, radius, _)): (usize, &(Vec3, f32, f32))| {

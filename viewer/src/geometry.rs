@@ -1,15 +1,13 @@
 //! Meshes and instances on the adapter. Each quantity of a vertex has a buffer of its own, so that a quantity that no
-//! shader reads is never uploaded. A mesh in a material needs one instanced draw for each level of detail, however
+//! shader reads is never uploaded (only a vertex's section comes with its position). A mesh in a material needs one instanced draw for each level of detail, however
 //! often the two occur.
 
-use crate::bend::Moved;
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
-use crate::passes::bend::BendPass;
+use crate::passes::bend::{self, BendPass, Of, Ride};
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
-use crate::passes::{bend, pose};
-use crate::scene::{Carried, Instance, Mesh, Poses, Scene, Section, Sections, Wind};
+use crate::scene::{Instance, Mesh, Scene};
 use crate::stats::Stats;
 use crate::thin::Seen;
 use crate::variant::Variant;
@@ -29,11 +27,30 @@ pub(crate) struct MeshOnGpu {
 }
 
 impl MeshOnGpu {
-    /// Uploads those parts of mesh `index` that the shaders of `batches` read.
-    pub(crate) fn new(gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) -> MeshOnGpu {
+    /// Uploads those parts of mesh `index` that the shaders of `batches` read; `None` where none of them draws it.
+    pub(crate) fn new(gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) -> Option<MeshOnGpu> {
+        let positions = bytemuck::cast_slice(&mesh.positions);
+        let draws = batches.iter().any(|b| b.mesh == index && b.alone.is_none());
+        draws.then(|| MeshOnGpu::of(gpu, index, mesh, positions, batches, stats))
+    }
+
+    /// Uploads the mesh of an instance whose vertices have sections of their own.
+    pub(crate) fn carried(
+        gpu: &Gpu,
+        scene: &Scene,
+        points: &[Vec3],
+        batch: &Batch,
+        stats: &mut Stats,
+    ) -> Option<MeshOnGpu> {
+        let (positions, mesh) = bend::by_vertices(scene, &scene.instances[batch.alone?], points)?;
+        let positions = bytemuck::cast_slice(&positions);
+        Some(MeshOnGpu::of(gpu, batch.mesh, &mesh, positions, std::slice::from_ref(batch), stats))
+    }
+
+    fn of(gpu: &Gpu, index: usize, mesh: &Mesh, positions: &[u8], batches: &[Batch], stats: &mut Stats) -> MeshOnGpu {
         let mut put = |name: &str, bytes: &[u8], usage| put(gpu, &format!("mesh {index} {name}"), bytes, usage, stats);
         let mut out = MeshOnGpu {
-            positions: put("positions", bytemuck::cast_slice(&mesh.positions), Use::VERTEX),
+            positions: put("positions", positions, Use::VERTEX),
             normals: put("normals", bytemuck::cast_slice(&mesh.normals), Use::VERTEX),
             tangents: None,
             uvs: None,
@@ -62,17 +79,23 @@ impl MeshOnGpu {
     }
 }
 
-/// All instances of one mesh in one material. They take one draw for each level of detail.
+/// All instances of one mesh in one material. They take one draw for each level of detail. An instance whose vertices
+/// have sections of their own is a batch by itself.
 pub(crate) struct Batch {
     pub mesh: usize,
     pub material: usize,
+    /// The index of the instance whose vertices have sections of their own, and its mesh, which has no rows.
+    pub alone: Option<usize>,
+    pub own: Option<MeshOnGpu>,
     pub variant: Variant,
     pub levels: Levels,
     pub instances: wgpu::Buffer,
     pub count: u32,
     /// Whether any of them casts a shadow.
     pub casts: bool,
-    /// The section that carries each instance, where any is carried.
+    /// How sections carry the instances, where they carry any.
+    pub ride: Option<Ride>,
+    /// The section that carries each instance, where they carry instances.
     pub rides: Option<wgpu::Buffer>,
     /// The instances as they have moved, where each moves as a whole.
     pub placed: Placed,
@@ -83,65 +106,123 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
-    /// Uploads everything that stands in the scene, ordered by material and then by mesh.
-    pub(crate) fn all(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Vec<Batch> {
-        let mut together: BTreeMap<(usize, usize), Vec<Instance>> = BTreeMap::new();
-        for instance in scene.instances.iter().filter(|i| !scene.meshes[i.mesh].indices.is_empty()) {
-            together.entry((instance.material, instance.mesh)).or_default().push(*instance);
+    /// Uploads everything that stands in the scene, ordered by material and then by mesh. `points` are those of all
+    /// sections at rest.
+    pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut Stats) -> Vec<Batch> {
+        let mut together: BTreeMap<(usize, usize, Option<usize>), Vec<Instance>> = BTreeMap::new();
+        for (k, instance) in scene.instances.iter().enumerate() {
+            if !scene.meshes[instance.mesh].indices.is_empty() {
+                let alone = bend::alone(scene, instance).then_some(k);
+                together.entry((instance.material, instance.mesh, alone)).or_default().push(*instance);
+            }
         }
-        let batch = |((material, mesh), instances): ((usize, usize), Vec<Instance>)| {
+        let batch = |((material, mesh, alone), instances): ((usize, usize, Option<usize>), Vec<Instance>)| {
             let variant = Variant::new(gpu, scene, &instances)?;
-            let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
-            let rides: Vec<[f32; 2]> = instances.iter().map(bend::ride).collect();
+            let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(|i| bend::rows(scene, i, points)).collect();
+            let rides: Vec<Of> = instances.iter().map(bend::ride).collect();
             let begins: Vec<[u32; 2]> = instances.iter().map(detail::begin).collect();
             let mut put = |name: &str, bytes: &[u8]| {
                 put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::STORAGE | Use::COPY_DST, stats)
             };
+            let ride = bend::kind(scene, &instances);
             Some(Batch {
                 mesh,
                 material,
-                levels: Levels::new(&scene.meshes[mesh], &instances, variant.leaf().is_some(), scene.in_full),
+                alone,
+                own: None,
+                ride,
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),
-                rides: bend::needs(scene, &instances).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: (ride == Some(Ride::Instances)).then(|| put("rides", bytemuck::cast_slice(&rides))),
                 placed: Placed::default(),
                 choice: None,
                 begins: variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins))),
+                levels: Levels::new(
+                    &scene.meshes[mesh],
+                    &instances,
+                    (rows, rides, begins),
+                    variant.leaf().is_some(),
+                    scene.in_full,
+                ),
                 variant,
             })
         };
         together.into_iter().filter_map(batch).collect()
     }
 
-    /// Whether each instance moves as a whole, or not at all, and some move.
-    pub(crate) fn moves_whole(&self) -> bool {
-        self.rides.is_some() && !self.variant.bend
+    /// Uploads what its shader reads of a mesh of its own and what is not on the adapter yet.
+    pub(crate) fn complete(&mut self, gpu: &Gpu, scene: &Scene, stats: &mut Stats) {
+        let lacks = |own: &mut MeshOnGpu| {
+            (own.tangents.is_none() && self.variant.tangent()) || (own.uvs.is_none() && self.variant.leaf().is_some())
+        };
+        let Some(mut own) = self.own.take_if(lacks) else { return };
+        let instance = self.alone.map(|k| &scene.instances[k]);
+        if let Some((_, mesh)) = instance.and_then(|i| bend::by_vertices(scene, i, &bend::points(scene))) {
+            own.complete(gpu, self.mesh, &mesh, std::slice::from_ref(self), stats);
+        }
+        self.own = Some(own);
     }
 
-    /// Moves the instances, if they move as wholes.
-    pub(crate) fn place(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, place: &PlacePass, bend: &BendPass) {
-        let Some(rides) = self.rides.as_ref().filter(|_| !self.variant.bend) else { return };
-        place.record(gpu, pass, bend, (&self.instances, rides, self.count), &mut self.placed.all);
+    /// Those instances of the scene that are in the batch.
+    pub(crate) fn of(&self, scene: &Scene) -> Vec<Instance> {
+        let own = |(k, i): &(usize, &Instance)| match self.alone {
+            Some(alone) => *k == alone,
+            None => (i.mesh, i.material) == (self.mesh, self.material) && !bend::alone(scene, i),
+        };
+        scene.instances.iter().enumerate().filter(own).map(|(_, instance)| *instance).collect()
+    }
+
+    /// The sections that carry instances, where the vertex stage moves them.
+    pub(crate) fn bending(&self) -> Option<&wgpu::Buffer> {
+        self.rides.as_ref().filter(|_| self.variant.bend.is_some())
+    }
+
+    /// The sections of instances that each move as a whole, or not at all; `None` where none moves so.
+    pub(crate) fn moving_whole(&self) -> Option<&wgpu::Buffer> {
+        self.rides.as_ref().filter(|_| self.variant.bend.is_none())
+    }
+
+    /// Moves the instances, if they move as wholes, as far as a picture needs it, and shadow maps if there are `maps`.
+    /// What the adapter chooses for a picture it moves itself.
+    pub(crate) fn place(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        place: &PlacePass,
+        bend: &BendPass,
+        maps: bool,
+    ) {
+        let Some(rides) = self.moving_whole().cloned() else { return };
+        let (chosen, thinned) = (self.choice.is_some(), self.levels.thinned());
+        if !chosen || (maps && self.casts && thinned.is_none()) {
+            place.record(gpu, pass, bend, (&self.instances, &rides, self.count), &mut self.placed.all);
+        }
         match self.levels.enlarged() {
-            Some(rows) => place.record(gpu, pass, bend, (rows, rides, self.count), &mut self.placed.enlarged),
+            Some(rows) => place.record(gpu, pass, bend, (rows, &rides, self.count), &mut self.placed.enlarged),
             None => self.placed.enlarged = None,
         }
-        match self.levels.thinned() {
-            Some(few) => {
+        match thinned {
+            Some(few) if maps => {
                 place.record(gpu, pass, bend, (&few.instances, &few.rides, few.count), &mut self.placed.thinned);
             }
+            Some(_) => {}
             None => self.placed.thinned = None,
         }
     }
 
-    /// The rows of the instances for the main pass.
-    pub(crate) fn shown(&self) -> &wgpu::Buffer {
+    /// The rows of the instances for the main pass, where the vertex stage reads any.
+    pub(crate) fn shown(&self) -> Option<&wgpu::Buffer> {
         if let Some(choice) = &self.choice {
-            return &choice.rows;
+            return Some(&choice.rows);
         }
         let placed = self.placed.enlarged.as_ref().or(self.placed.all.as_ref());
-        placed.or(self.levels.enlarged()).unwrap_or(&self.instances)
+        placed.or(self.levels.enlarged()).or(self.rows())
+    }
+
+    /// The rows of the instances at rest, where the vertex stage reads any.
+    pub(crate) fn rows(&self) -> Option<&wgpu::Buffer> {
+        Some(&self.instances).filter(|_| self.alone.is_none())
     }
 
     /// Their first rows of arriving light and first shares of the sun.
@@ -161,12 +242,13 @@ impl Batch {
         }
     }
 
-    /// The rows of the instances for shadow maps, the sections that carry them where these are read, and their number.
-    pub(crate) fn casting(&self) -> (&wgpu::Buffer, Option<&wgpu::Buffer>, u32) {
-        let (placed, bends) = (&self.placed, self.variant.bend);
+    /// The rows of the instances for shadow maps and the sections that carry them, where either is read, and their
+    /// number.
+    pub(crate) fn casting(&self) -> (Option<&wgpu::Buffer>, Option<&wgpu::Buffer>, u32) {
+        let (placed, bending) = (&self.placed, self.bending());
         match self.levels.thinned() {
-            Some(few) => (placed.thinned.as_ref().unwrap_or(&few.instances), bends.then_some(&few.rides), few.count),
-            None => (placed.all.as_ref().unwrap_or(&self.instances), self.rides.as_ref().filter(|_| bends), self.count),
+            Some(few) => (placed.thinned.as_ref().or(Some(&few.instances)), bending.map(|_| &few.rides), few.count),
+            None => (placed.all.as_ref().or(self.rows()), bending, self.count),
         }
     }
 }
@@ -177,12 +259,13 @@ fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut Stats) -> w
 }
 
 /// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, first row and first
-/// share, place among anchors. A quantity whose argument is `false` is left out.
+/// share, place among anchors. A quantity whose argument is `false` is left out. Where sections carry vertices, each
+/// position comes with its section, and there are no rows of an instance.
 pub(crate) fn vertex_layouts(
     normal: bool,
     tangent: bool,
     uv: bool,
-    ride: bool,
+    ride: Option<Ride>,
     begin: bool,
     place: bool,
 ) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
@@ -191,12 +274,15 @@ pub(crate) fn vertex_layouts(
     const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
     const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
     const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
-    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x2];
+    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Sint32];
+    const CARRIED: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x4];
     const BEGIN: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![9 => Uint32x2];
     const PLACE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3];
     let layout =
         |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
-    let mut layouts = vec![layout(12, wgpu::VertexStepMode::Vertex, &POSITION[..])];
+    let by_vertices = ride == Some(Ride::Vertices);
+    let position: (u64, &'static [wgpu::VertexAttribute]) = if by_vertices { (16, &CARRIED) } else { (12, &POSITION) };
+    let mut layouts = vec![layout(position.0, wgpu::VertexStepMode::Vertex, position.1)];
     if normal {
         layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &NORMAL));
     }
@@ -206,9 +292,11 @@ pub(crate) fn vertex_layouts(
     if uv {
         layouts.push(layout(8, wgpu::VertexStepMode::Vertex, &UV));
     }
-    layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
-    if ride {
-        layouts.push(layout(8, wgpu::VertexStepMode::Instance, &RIDE));
+    if !by_vertices {
+        layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
+    }
+    if ride == Some(Ride::Instances) {
+        layouts.push(layout(size_of::<Of>() as u64, wgpu::VertexStepMode::Instance, &RIDE));
     }
     if begin {
         layouts.push(layout(8, wgpu::VertexStepMode::Instance, &BEGIN));
@@ -219,18 +307,6 @@ pub(crate) fn vertex_layouts(
     layouts
 }
 
-/// Points around every instance at rest, in world space, and what carries them. They are the corners of boxes, or every
-/// vertex where a mesh bends.
-pub(crate) struct Extents {
-    /// What casts a shadow stands first.
-    points: Vec<(Option<Carried>, Vec<Vec3>)>,
-    /// How many of these cast a shadow.
-    casters: usize,
-    sections: Option<Sections>,
-    /// Balls that hold all poses, where the adapter poses what is carried.
-    reach: Option<Vec<(Vec3, f32)>>,
-}
-
 /// The corners of the box around points; `None` where there are none.
 pub(crate) fn corners(points: &[Vec3]) -> Option<[Vec3; 8]> {
     let first = *points.first()?;
@@ -239,102 +315,6 @@ pub(crate) fn corners(points: &[Vec3]) -> Option<[Vec3; 8]> {
     Some(std::array::from_fn(|k| {
         Vec3::new(pick(k, 1, low.x, high.x), pick(k, 2, low.y, high.y), pick(k, 4, low.z, high.z))
     }))
-}
-
-impl Extents {
-    pub(crate) fn new(scene: &Scene) -> Extents {
-        Extents::of(scene, scene.sections.as_ref().and_then(|s| s.poses.as_deref()))
-    }
-
-    /// Where the adapter poses what is carried, the extents are those at rest, and the ball holds all poses.
-    fn of(scene: &Scene, poses: Option<&Poses>) -> Extents {
-        let boxes: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|mesh| corners(&mesh.positions)).collect();
-        let points = scene.instances.iter().filter_map(|instance| {
-            let by = instance.carried;
-            let own = by.is_some_and(|c| c.vertices.is_some()) && poses.is_none();
-            let around = if own { &scene.meshes[instance.mesh].positions } else { &boxes[instance.mesh]?[..] };
-            let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
-            Some(((by, points), instance.floor))
-        });
-        // Lawns cast no shadow.
-        let lawns = scene.grass.iter().map(|grass| {
-            let far = (grass.high - grass.low).extend(grass.height);
-            let corner = |k: u32| {
-                let at = Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32);
-                grass.origin + grass.low.extend(0.0) + at * far
-            };
-            ((None, (0..8).map(corner).collect()), true)
-        });
-        let (floors, mut points): (Vec<_>, Vec<_>) = points.chain(lawns).partition(|(_, floor)| *floor);
-        let casters = points.len();
-        points.extend(floors);
-        Extents {
-            points: points.into_iter().map(|(one, _)| one).collect(),
-            casters,
-            sections: scene.sections.clone(),
-            reach: poses.map(|poses| pose::reach(scene, poses)),
-        }
-    }
-
-    /// The points of what casts shadows and is not carried.
-    pub(crate) fn still(&self) -> Vec<Vec3> {
-        let still = self.points[..self.casters].iter().filter(|(by, _)| by.is_none());
-        still.flat_map(|(_, points)| points).copied().collect()
-    }
-
-    /// Boxes around what stands in the scene at rest, as two corners: one around all that casts shadows, and one around
-    /// each thing that does not.
-    pub(crate) fn boxes(&self) -> Vec<[Vec3; 2]> {
-        let around = |points: &mut dyn Iterator<Item = &Vec3>| {
-            let first = *points.next()?;
-            Some(points.fold([first; 2], |[low, high], p| [low.min(*p), high.max(*p)]))
-        };
-        let (casters, others) = self.points.split_at(self.casters);
-        let all = around(&mut casters.iter().flat_map(|(_, points)| points));
-        all.into_iter().chain(others.iter().filter_map(|(_, points)| around(&mut points.iter()))).collect()
-    }
-
-    pub(crate) fn sections(&self) -> Option<&Sections> {
-        self.sections.as_ref()
-    }
-
-    /// The scene's extents at a time of its wind.
-    pub(crate) fn at(&self, wind: Option<&Wind>) -> ExtentsNow {
-        let sections = self.sections.as_ref().filter(|_| self.reach.is_none());
-        let moved = Moved::new(sections, sections.map_or_else(Vec::new, |s| s.now(wind)));
-        let mut points = Vec::with_capacity(self.points.iter().map(|(_, points)| points.len()).sum());
-        let mut casting = 0;
-        for (k, (by, own)) in self.points.iter().enumerate() {
-            points.extend(own.iter().enumerate().map(|(n, p)| moved.place(*by, n, *p)));
-            if k < self.casters {
-                casting = points.len();
-            }
-        }
-        let reach = self.reach.iter().flatten();
-        let ends = reach.flat_map(|(centre, radius)| [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| (*centre, *radius * axis)));
-        let far: Vec<Vec3> = ends.flat_map(|(centre, arm)| [centre - arm, centre + arm]).collect();
-        let ball = match far.is_empty() {
-            true => ball(&points),
-            false => ball(&points.iter().chain(&far).copied().collect::<Vec<Vec3>>()),
-        };
-        points.truncate(casting);
-        ExtentsNow { ball, casters: points, sections: moved.into_sections() }
-    }
-}
-
-/// The extents of a scene at one time.
-pub(crate) struct ExtentsNow {
-    /// The motions of all sections; none where the adapter computes them.
-    pub sections: Vec<Section>,
-    /// The points that shadow maps must cover: everything that casts a shadow.
-    pub casters: Vec<Vec3>,
-    /// Centre and radius of a ball around everything, which clipping planes must cover.
-    pub ball: (Vec3, f32),
-}
-
-/// Centre and radius of a ball around everything that a scene shows, as bent at its time.
-pub fn ball_around(scene: &Scene) -> (Vec3, f32) {
-    Extents::of(scene, None).at(scene.wind.as_ref()).ball
 }
 
 /// Centre and radius of a ball around points; a unit ball where there are none.

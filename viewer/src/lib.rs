@@ -19,6 +19,7 @@ mod bend;
 mod detail;
 mod dome;
 mod error;
+mod extents;
 mod geometry;
 pub mod gpu;
 mod grass;
@@ -43,7 +44,7 @@ mod validate;
 mod variant;
 
 pub use error::{Error, Result};
-pub use geometry::ball_around;
+pub use extents::ball_around;
 pub use gpu::{AdapterInfo, Backend, Options};
 pub use orbit::Orbit;
 pub use picture::Picture;

@@ -2,7 +2,8 @@
 //! variants share a pipeline.
 
 use crate::gpu::Gpu;
-use crate::passes::{bend, place};
+use crate::passes::bend::{self, Ride};
+use crate::passes::place;
 use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
 use crate::shader::Defines;
 use mesophyll_surface::gloss::LobeKind;
@@ -15,8 +16,8 @@ pub(crate) struct Variant {
     pub msaa: u32,
     /// Whether the mesh has levels of detail. The drawn surface may then differ from the one in the shadow maps.
     pub levels: bool,
-    /// Whether sections move the vertices of the mesh in the vertex stage.
-    pub bend: bool,
+    /// How sections move the vertices of the mesh in the vertex stage, where they do.
+    pub bend: Option<Ride>,
     /// Whether they turn the normals too.
     pub turn: bool,
     /// How the mesh's anchors are read, where light arrives by a transfer.
@@ -156,7 +157,7 @@ impl Variant {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, instances: &[Instance]) -> Option<Variant> {
         let first = instances.first()?;
         let lights = Lights::of(scene);
-        let bend = bend::needs(scene, instances) && !place::whole(gpu, scene, instances);
+        let bend = bend::kind(scene, instances).filter(|_| !place::whole(gpu, scene, instances));
         Some(Variant {
             lights,
             surface: match &scene.materials[first.material] {
@@ -166,7 +167,7 @@ impl Variant {
             msaa: scene.msaa,
             levels: !scene.meshes[first.mesh].details.is_empty(),
             bend,
-            turn: bend && scene.sections.as_ref().is_some_and(|s| s.turn_normals),
+            turn: bend.is_some() && scene.sections.as_ref().is_some_and(|s| s.turn_normals),
             anchored: scene.transfer.as_ref().zip(scene.meshes[first.mesh].anchors.as_ref()).map(
                 |(transfer, anchors)| Anchored {
                     grid: anchors.grid,
@@ -326,7 +327,7 @@ impl Variant {
                 say(true, format!("{lobe:?}").to_lowercase());
             }
         }
-        say(self.bend, if self.turn { "sections" } else { "sections without turns" }.into());
+        say(self.bend.is_some(), if self.turn { "sections" } else { "sections without turns" }.into());
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
     }

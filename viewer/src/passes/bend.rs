@@ -4,45 +4,71 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::pose::PosePass;
-use crate::scene::{Instance, Scene, Seat, Section, Sections};
+use crate::scene::{Instance, Mesh, Scene, Seat, Section, Sections};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Quat, Vec3};
 
-/// WGSL of the bend, which is put in front of a pass's own source.
-pub(crate) const SOURCE: &str = include_str!("bend.wgsl");
+/// WGSL of rigid motions, and of the bend with it, which is put in front of a pass's own source.
+pub(crate) const RIGID: &str = include_str!("rigid.wgsl");
+pub(crate) const SOURCE: &str = concat!(include_str!("rigid.wgsl"), include_str!("bend.wgsl"));
+
+/// How sections move a mesh in the vertex stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Ride {
+    /// A section carries each instance.
+    Instances,
+    /// A section carries each vertex. There is only one instance.
+    Vertices,
+}
+
+/// What carries an instance as a whole: the number of the section, or −1.
+pub(crate) type Of = i32;
 
 /// Sections on the adapter.
 pub(crate) struct BendPass {
     pub group: wgpu::BindGroup,
     layout: wgpu::BindGroupLayout,
-    /// A point of each section at rest, and where the sections move to at the present times.
-    points: wgpu::Buffer,
-    sections: wgpu::Buffer,
+    /// Where the sections move to at the present times.
+    pub sections: wgpu::Buffer,
+    /// The points of the sections at rest from which the adapter counts.
+    points: Vec<Vec3>,
     /// Computes them on the adapter, for scenes that say how.
     pub pose: Option<PosePass>,
 }
 
-/// Adds the names and constants of a shader that moves vertices if `bend` says so. `sections` is the number of sections
+/// Adds the names and constants of a shader that moves vertices as `ride` says. `sections` is the number of sections
 /// at each of several times, which only a shader that knows more than one time reads.
-pub(crate) fn defines(defines: Defines, bend: bool, sections: usize) -> Defines {
-    defines.constant("SECTIONS", sections as u32).set("BEND", bend)
+pub(crate) fn defines(defines: Defines, ride: Option<Ride>, sections: usize) -> Defines {
+    let defines = defines.set("BEND", ride.is_some()).set("OWN", ride == Some(Ride::Vertices));
+    defines.constant("SECTIONS", sections as u32)
+}
+
+/// How sections carry these instances, where they carry any.
+pub(crate) fn kind(scene: &Scene, instances: &[Instance]) -> Option<Ride> {
+    let own = instances.iter().any(|i| alone(scene, i));
+    needs(scene, instances).then_some(if own { Ride::Vertices } else { Ride::Instances })
+}
+
+/// Whether the vertices of an instance have sections of their own.
+pub(crate) fn alone(scene: &Scene, instance: &Instance) -> bool {
+    scene.sections.is_some() && instance.carried.is_some_and(|c| c.vertices.is_some())
 }
 
 /// Whether a section carries any of these instances.
-pub(crate) fn needs(scene: &Scene, instances: &[Instance]) -> bool {
+fn needs(scene: &Scene, instances: &[Instance]) -> bool {
     scene.sections.is_some() && instances.iter().any(|i| i.carried.is_some())
 }
 
 /// The layout of group 2; `None` for a variant that does not bend.
 pub(crate) fn layout_of(gpu: &Gpu, variant: &Variant) -> Option<wgpu::BindGroupLayout> {
-    variant.bend.then(|| layout(gpu))
+    variant.bend.map(|_| layout(gpu))
 }
 
 fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let entry = |binding| wgpu::BindGroupLayoutEntry {
-        binding,
+    let entry = wgpu::BindGroupLayoutEntry {
+        binding: 0,
         visibility: wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE,
         ty: wgpu::BindingType::Buffer {
             ty: wgpu::BufferBindingType::Storage { read_only: true },
@@ -51,14 +77,47 @@ fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
         },
         count: None,
     };
-    let entries = [entry(0), entry(1), entry(2)];
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &entries })
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &[entry] })
 }
 
-/// What carries an instance, as the shader reads it: the number of the section, and the first entry of the vertices'
-/// own sections. −1 stands for none.
-pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
-    instance.carried.map_or([-1.0; 2], |c| [c.first as f32, c.vertices.map_or(-1.0, |v| v as f32)])
+/// The points of all sections at rest.
+pub(crate) fn points(scene: &Scene) -> Vec<Vec3> {
+    let Some(sections) = &scene.sections else { return Vec::new() };
+    match &sections.poses {
+        Some(poses) => poses.seats.iter().map(|seat| seat.from).collect(),
+        None => sections.now(scene.wind.as_ref()).iter().map(|section| section.from).collect(),
+    }
+}
+
+/// What carries an instance, as the shader reads it.
+pub(crate) fn ride(instance: &Instance) -> Of {
+    instance.carried.map_or(-1, |c| c.first as Of)
+}
+
+/// The three rows of an instance's transform, from the point of the section that carries it as a whole.
+pub(crate) fn rows(scene: &Scene, instance: &Instance, points: &[Vec3]) -> [[f32; 4]; 3] {
+    let mut m = instance.transform;
+    if let Some(by) = instance.carried.filter(|by| scene.sections.is_some() && by.vertices.is_none()) {
+        m.w_axis -= points[by.first as usize].extend(0.0);
+    }
+    [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
+}
+
+/// The mesh of an instance whose vertices have sections of their own, in the scene's axes: each vertex from its
+/// section's point, with the section's number, and the mesh with its normals and tangents. The vertex stage then needs
+/// no transform.
+pub(crate) fn by_vertices(scene: &Scene, instance: &Instance, points: &[Vec3]) -> Option<(Vec<[f32; 4]>, Mesh)> {
+    let (by, sections) = (instance.carried?, scene.sections.as_ref()?);
+    let first = by.vertices? as usize;
+    let (m, mut mesh) = (instance.transform, scene.meshes[instance.mesh].clone());
+    let one = |(own, position): (&u32, &Vec3)| {
+        let section = by.first + own;
+        (m.transform_point3(*position) - points[section as usize]).extend(section as f32).to_array()
+    };
+    let positions = sections.of_vertices[first..].iter().zip(&mesh.positions).map(one).collect();
+    mesh.normals.iter_mut().for_each(|n| *n = m.transform_vector3(*n));
+    mesh.tangents.iter_mut().for_each(|t| *t = m.transform_vector3(t.truncate()).extend(t.w));
+    Some((positions, mesh))
 }
 
 impl BendPass {
@@ -66,7 +125,7 @@ impl BendPass {
     /// carry nothing.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, times: &[Vec<Section>], stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
-        Some(BendPass::of(gpu, sections, times, stats))
+        Some(BendPass::of(gpu, sections, points(scene), times, stats))
     }
 
     /// Poses everything on the adapter if the scene says how, or on the CPU as `now`.
@@ -74,38 +133,29 @@ impl BendPass {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
         let Some(poses) = &sections.poses else { return BendPass::new(gpu, scene, &[now], stats) };
         let at_rest = |seat: &Seat| Section { from: seat.from, to: seat.from, turn: Quat::IDENTITY };
-        let mut pass = BendPass::of(gpu, sections, &[poses.seats.iter().map(at_rest).collect()], stats);
+        let mut pass = BendPass::of(gpu, sections, points(scene), &[poses.seats.iter().map(at_rest).collect()], stats);
         let pose = PosePass::new(gpu, scene, poses, &pass.sections, stats);
         pose.set_time(gpu, scene.wind.as_ref().map_or(0.0, |w| w.time_s));
         pass.pose = Some(pose);
         Some(pass)
     }
 
-    fn of(gpu: &Gpu, sections: &Sections, times: &[Vec<Section>], stats: &mut Stats) -> BendPass {
-        stats.upload("sections", (times.len() * sections.count * 48) as u64);
-        stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
+    fn of(gpu: &Gpu, sections: &Sections, points: Vec<Vec3>, times: &[Vec<Section>], stats: &mut Stats) -> BendPass {
+        stats.upload("sections", (times.len() * sections.count * 32) as u64);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let points = gpu.buffer("points of sections", bytemuck::cast_slice(&points(times)), usage);
-        let motions = gpu.buffer("sections", bytemuck::cast_slice(&motions(times)), usage);
-        let own: &[u32] = if sections.of_vertices.is_empty() { &[0] } else { &sections.of_vertices };
-        let of_vertices = gpu.buffer("sections of vertices", bytemuck::cast_slice(own), usage);
+        let sections = gpu.buffer("sections", bytemuck::cast_slice(&motions(times, &points)), usage);
         let layout = layout(gpu);
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("bend"),
             layout: &layout,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: points.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: motions.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 2, resource: of_vertices.as_entire_binding() },
-            ],
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: sections.as_entire_binding() }],
         });
-        BendPass { points, sections: motions, group, layout, pose: None }
+        BendPass { sections, points, group, layout, pose: None }
     }
 
     /// Moves every section to other times, as many as the pass was made with.
     pub(crate) fn set_times(&self, gpu: &Gpu, times: &[Vec<Section>]) {
-        gpu.queue.write_buffer(&self.points, 0, bytemuck::cast_slice(&points(times)));
-        gpu.queue.write_buffer(&self.sections, 0, bytemuck::cast_slice(&motions(times)));
+        gpu.queue.write_buffer(&self.sections, 0, bytemuck::cast_slice(&motions(times, &self.points)));
     }
 
     /// The layout of its bind group.
@@ -113,10 +163,11 @@ impl BendPass {
         &self.layout
     }
 
-    /// Runs the vertex stage's function on vertices in world space, each with position, normal and tangent.
-    pub(crate) fn probe(&self, gpu: &Gpu, instance: &Instance, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
-        let source =
-            assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines(Defines::default(), true, 0));
+    /// Runs the vertex stage's function on vertices, which `rides` carry: each has its place from its section's point,
+    /// its normal and its tangent, in the scene's axes.
+    pub(crate) fn probe(&self, gpu: &Gpu, rides: &[Of], vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
+        let defines = defines(Defines::default(), Some(Ride::Instances), 0);
+        let source = assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("probe"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -130,7 +181,7 @@ impl BendPass {
         let own = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("probe"),
             entries: &[
-                entry(0, wgpu::BufferBindingType::Uniform),
+                entry(0, wgpu::BufferBindingType::Storage { read_only: true }),
                 entry(1, wgpu::BufferBindingType::Storage { read_only: false }),
             ],
         });
@@ -148,8 +199,7 @@ impl BendPass {
             cache: None,
         });
         let flat: Vec<[f32; 4]> = vertices.iter().flatten().map(|v| [v.x, v.y, v.z, 0.0]).collect();
-        let [section, first] = ride(instance);
-        let uniform = gpu.uniform("probe", &[[section, first, 0.0, 0.0]]);
+        let rides = gpu.buffer("probe: rides", bytemuck::cast_slice(rides), wgpu::BufferUsages::STORAGE);
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let buffer = gpu.buffer("probe", bytemuck::cast_slice(&flat), storage);
         let back = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -162,7 +212,7 @@ impl BendPass {
             label: Some("probe"),
             layout: &own,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 0, resource: rides.as_entire_binding() },
                 wgpu::BindGroupEntry { binding: 1, resource: buffer.as_entire_binding() },
             ],
         });
@@ -181,12 +231,12 @@ impl BendPass {
     }
 }
 
-/// The points of sections at rest, one time after the other.
-fn points(times: &[Vec<Section>]) -> Vec<[f32; 4]> {
-    times.iter().flatten().map(|s| s.from.extend(0.0).to_array()).collect()
-}
-
-/// Where sections move to, one time after the other.
-fn motions(times: &[Vec<Section>]) -> Vec<[[f32; 4]; 2]> {
-    times.iter().flatten().map(|s| [s.to.extend(0.0).to_array(), s.turn.to_array()]).collect()
+/// Where sections move to, one time after the other. A section may state its motion by another point at each time; the
+/// adapter always counts from these.
+fn motions(times: &[Vec<Section>], points: &[Vec3]) -> Vec<[[f32; 4]; 2]> {
+    let one = |(s, point): (&Section, &Vec3)| {
+        let to = s.to + s.turn * (point - s.from);
+        [to.extend(0.0).to_array(), s.turn.to_array()]
+    };
+    times.iter().flat_map(|now| now.iter().zip(points).map(one)).collect()
 }

@@ -6,11 +6,13 @@ use crate::detail::PIXELS;
 use crate::error::Result;
 use crate::geometry::Batch;
 use crate::gpu::Gpu;
+use crate::passes::bend::{self, BendPass, RIGID, Ride};
 use crate::passes::main::Frame;
 use crate::passes::place::{self, WIDE};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::thin::{FADE, MANY, Seen};
+use std::collections::HashMap;
 use wgpu::BufferUsages as Use;
 
 /// Most levels of detail that may be lit.
@@ -32,8 +34,9 @@ struct Plan {
 
 /// Chooses for all batches of a scene for which the adapter can.
 pub(crate) struct ChoosePass {
-    /// The kernels `choose`, `sum_up` and `gather`, the last one without and with beginnings.
-    pipelines: [wgpu::ComputePipeline; 4],
+    /// The kernels `choose`, `sum_up` and `gather` of each kind of batch, by whether its instances have beginnings and
+    /// whether sections carry them.
+    pipelines: HashMap<(bool, bool), [wgpu::ComputePipeline; 3]>,
     /// The largest distance between the surface that is drawn and the surface in the shadow maps.
     apart: wgpu::Buffer,
     draws: wgpu::Buffer,
@@ -46,6 +49,7 @@ pub(crate) struct Choice {
     pub begins: Option<wgpu::Buffer>,
     plan: wgpu::Buffer,
     ranks: wgpu::Buffer,
+    balls: wgpu::Buffer,
     choices: wgpu::Buffer,
     counts: wgpu::Buffer,
     /// The draws of all batches, the place of this batch's first one, and their number.
@@ -60,9 +64,9 @@ pub(crate) struct Choice {
 /// they are many.
 fn chooses(gpu: &Gpu, batch: &Batch) -> bool {
     gpu.chooses
-        && !batch.variant.bend
+        && batch.variant.bend.is_none()
         && batch.levels.lit().len() <= LEVELS
-        && (batch.moves_whole() || batch.count as usize >= MANY)
+        && (batch.moving_whole().is_some() || batch.count as usize >= MANY)
         && place::within(&gpu.device.limits(), batch.count as usize)
 }
 
@@ -74,48 +78,51 @@ impl ChoosePass {
             return None;
         }
         stats.pipeline("choose");
-        let module = |begins: bool| {
-            let defines = Defines::default().constant("LEVELS", LEVELS as u32).set("BEGINS", begins);
+        let kernels = |begins: bool, moves: bool| {
+            let defines = bend::defines(Defines::default(), moves.then_some(Ride::Instances), 0)
+                .constant("LEVELS", LEVELS as u32)
+                .set("BEGINS", begins);
             let numbers = format!("const WIDE: f32 = {:?};\nconst FADE: f32 = {FADE:?};\n", crate::thin::WIDE);
-            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            let source = assemble(&[RIGID, include_str!("choose.wgsl")].concat(), &defines);
+            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some("choose"),
-                source: wgpu::ShaderSource::Wgsl((numbers + &assemble(include_str!("choose.wgsl"), &defines)).into()),
+                source: wgpu::ShaderSource::Wgsl((numbers + &source).into()),
+            });
+            ["choose", "sum_up", "gather"].map(|entry| {
+                gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(entry),
+                    layout: None,
+                    module: &module,
+                    entry_point: Some(entry),
+                    compilation_options: Default::default(),
+                    cache: None,
+                })
             })
         };
-        let modules = [module(false), module(true)];
-        let kernel = |entry: &str, begins: bool| {
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: None,
-                module: &modules[usize::from(begins)],
-                entry_point: Some(entry),
-                compilation_options: Default::default(),
-                cache: None,
-            })
-        };
+        let mut pipelines = HashMap::new();
+        for batch in &own {
+            let (begins, moves) = kind(batch);
+            pipelines.entry((begins, moves)).or_insert_with(|| kernels(begins, moves));
+        }
         let draws = made(gpu, "draws", STRIDE * own.len() as u64, Use::INDIRECT | Use::COPY_SRC);
         for (k, batch) in own.into_iter().enumerate() {
             batch.choice = Some(Choice::new(gpu, batch, &draws, k as u64 * STRIDE, stats));
         }
         Some(ChoosePass {
-            pipelines: [
-                kernel("choose", false),
-                kernel("sum_up", false),
-                kernel("gather", false),
-                kernel("gather", true),
-            ],
+            pipelines,
             apart: made(gpu, "largest distance between levels", 4, Use::COPY_SRC | Use::COPY_DST),
             draws,
         })
     }
 
-    /// Chooses for a picture, after instances have moved. `apart` is the largest distance between levels that the CPU
-    /// knows of; shadow maps have texels of this side.
+    /// Chooses for a picture among instances as `bend` moves them. `apart` is the largest distance between levels that
+    /// the CPU knows of; shadow maps have texels of this side.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         batches: &mut [Batch],
+        bend: Option<&BendPass>,
         seen: &Seen,
         texel: f32,
         apart: f32,
@@ -126,16 +133,17 @@ impl ChoosePass {
             let Some(mut choice) = batch.choice.take() else { continue };
             let plan = plan(batch, seen, texel);
             gpu.queue.write_buffer(&choice.plan, 0, bytemuck::bytes_of(&plan));
-            let gather = if choice.begins.is_some() { 3 } else { 2 };
-            let pipelines = [0, 1, gather].map(|k| &self.pipelines[k]);
-            let bound = choice.groups.take().unwrap_or_else(|| choice.bind(gpu, batch, &pipelines, &self.apart));
-            let wide = plan.numbers[1];
-            for ((pipeline, group), count) in pipelines.into_iter().zip(&bound).zip([wide, 1, wide]) {
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, group, &[]);
-                pass.dispatch_workgroups(count, 1, 1);
+            if let Some(pipelines) = self.pipelines.get(&kind(batch)) {
+                let bound =
+                    choice.groups.take().unwrap_or_else(|| choice.bind(gpu, batch, bend, pipelines, &self.apart));
+                let wide = plan.numbers[1];
+                for ((pipeline, group), count) in pipelines.iter().zip(&bound).zip([wide, 1, wide]) {
+                    pass.set_pipeline(pipeline);
+                    pass.set_bind_group(0, group, &[]);
+                    pass.dispatch_workgroups(count, 1, 1);
+                }
+                choice.groups = Some(bound);
             }
-            choice.groups = Some(bound);
             batch.choice = Some(choice);
         }
     }
@@ -153,6 +161,11 @@ impl ChoosePass {
         let places = (0..bytes.len() / STRIDE as usize).flat_map(own);
         Ok(places.map(|at| bytemuck::pod_read_unaligned(&bytes[at..at + DRAW as usize])).collect())
     }
+}
+
+/// Whether the instances of a batch have beginnings, and whether sections carry them.
+fn kind(batch: &Batch) -> (bool, bool) {
+    (batch.begins.is_some(), batch.moving_whole().is_some())
 }
 
 /// The constants of a batch for a picture.
@@ -179,6 +192,8 @@ impl Choice {
         let n = u64::from(batch.count);
         let ranks = batch.levels.ranks();
         stats.upload(&format!("ranks of mesh {}", batch.mesh), size_of_val(ranks) as u64);
+        let balls = batch.levels.balls();
+        stats.upload(&format!("balls of mesh {}", batch.mesh), size_of_val(&balls[..]) as u64);
         let ranks = if ranks.is_empty() { &[0.0; 4] } else { ranks };
         let begins = batch.begins.is_some();
         Choice {
@@ -186,6 +201,7 @@ impl Choice {
             begins: begins.then(|| made(gpu, "chosen beginnings", 8 * n, Use::VERTEX)),
             plan: made(gpu, "plan of a choice", size_of::<Plan>() as u64, Use::UNIFORM | Use::COPY_DST),
             ranks: gpu.buffer("ranks", bytemuck::cast_slice(ranks), Use::STORAGE),
+            balls: gpu.buffer("balls", bytemuck::cast_slice(&balls), Use::STORAGE),
             choices: made(gpu, "choices", 8 * n, Use::empty()),
             counts: made(gpu, "counts of groups", 4 * LEVELS as u64 * n.div_ceil(WIDE as u64), Use::empty()),
             draws: draws.clone(),
@@ -195,15 +211,16 @@ impl Choice {
         }
     }
 
-    /// Binds what each kernel reads and writes. `batch` has been moved.
+    /// Binds what each kernel reads and writes.
     fn bind(
         &self,
         gpu: &Gpu,
         batch: &Batch,
-        pipelines: &[&wgpu::ComputePipeline; 3],
+        bend: Option<&BendPass>,
+        pipelines: &[wgpu::ComputePipeline; 3],
         apart: &wgpu::Buffer,
     ) -> [wgpu::BindGroup; 3] {
-        let from = batch.placed.all.as_ref().unwrap_or(&batch.instances);
+        let rides = batch.moving_whole();
         let own = wgpu::BufferBinding {
             buffer: &self.draws,
             offset: self.first,
@@ -212,7 +229,7 @@ impl Choice {
         let whole = |buffer: Option<&'_ wgpu::Buffer>, binding: u32| buffer.map(|b| (binding, b.clone()));
         let all: Vec<(u32, wgpu::Buffer)> = [
             whole(Some(&self.plan), 0),
-            whole(Some(from), 1),
+            whole(Some(&batch.instances), 1),
             whole(Some(&self.ranks), 2),
             whole(Some(&self.choices), 3),
             whole(Some(&self.counts), 4),
@@ -220,11 +237,14 @@ impl Choice {
             whole(Some(&self.rows), 7),
             whole(batch.begins.as_ref(), 8),
             whole(self.begins.as_ref(), 9),
+            whole(Some(&self.balls), 10),
+            whole(rides, 11),
+            whole(bend.filter(|_| rides.is_some()).map(|b| &b.sections), 12),
         ]
         .into_iter()
         .flatten()
         .collect();
-        let reads: [&[u32]; 3] = [&[0, 1, 2, 3, 4, 6], &[0, 4, 5], &[0, 1, 3, 4, 7, 8, 9]];
+        let reads: [&[u32]; 3] = [&[0, 2, 3, 4, 6, 10, 11, 12], &[0, 4, 5], &[0, 1, 3, 4, 7, 8, 9, 11, 12]];
         std::array::from_fn(|k| {
             let mut entries: Vec<wgpu::BindGroupEntry<'_>> = all
                 .iter()

@@ -31,7 +31,7 @@ struct Draw {
 }
 
 @group(0) @binding(0) var<uniform> plan: Plan;
-// Rows of the instances, as moved.
+// Rows of the instances at rest, from the point of the section that carries each, if one does.
 @group(0) @binding(1) var<storage, read> rows: array<vec4f>;
 @group(0) @binding(2) var<storage, read> ranks: array<f32>;
 // The size of each instance (bits), and its level with its place among those of its group. Level LEVELS is not drawn.
@@ -44,6 +44,13 @@ struct Draw {
 //#if BEGINS
 @group(0) @binding(8) var<storage, read> begins: array<vec2u>;
 @group(0) @binding(9) var<storage, read_write> drawn_begins: array<vec2u>;
+//#endif
+// The centre of the ball around each instance at rest, from that point, and the instance's scale.
+@group(0) @binding(10) var<storage, read> balls: array<vec4f>;
+//#if BEND
+// The section that carries each instance, or −1.
+@group(0) @binding(11) var<storage, read> rides: array<i32>;
+@group(0) @binding(12) var<storage, read> sections: array<array<vec4f, 2>>;
 //#endif
 
 fn inner(a: vec3f, b: vec3f) -> f32 {
@@ -93,14 +100,16 @@ fn choose(
     var level = LEVELS;
     var size = 0.0;
     if (k < plan.numbers.x) {
-        let x = rows[3u * k];
-        let y = rows[3u * k + 1u];
-        let z = rows[3u * k + 2u];
-        let origin = vec3f(x.w, y.w, z.w);
-        let column = vec3f(x.x, y.x, z.x);
-        let scale = sqrt(inner(column, column));
-        let c = plan.ball.xyz;
-        let centre = column * c.x + vec3f(x.y, y.y, z.y) * c.y + vec3f(x.z, y.z, z.z) * c.z + origin;
+        let ball = balls[k];
+        let scale = ball.w;
+        var centre = ball.xyz;
+        //#if BEND
+        let ride = rides[k];
+        if (ride >= 0) {
+            let by = moved_by(u32(ride));
+            centre = by.to + rotate(by.turn, centre);
+        }
+        //#endif
         var radius = plan.ball.w * scale;
         size = 1.0;
         if ((plan.numbers.w & 1u) != 0u && plan.ahead.w != 0.0) {
@@ -189,24 +198,37 @@ fn sum_up(@builtin(local_invocation_index) own: u32) {
     }
 }
 
+// `thin::larger`.
+fn larger(row: vec4f, size: f32) -> vec4f {
+    return vec4f(size * row.xyz, row.w + (1.0 - size) * inner(row.xyz, plan.ball.xyz));
+}
+
 @compute @workgroup_size(256)
 fn gather(@builtin(global_invocation_id) id: vec3u) {
     let k = id.x;
     if (k >= plan.numbers.x) {
         return;
     }
-    let size = bitcast<f32>(choices[k].x);
-    let found = choices[k].y;
+    let choice = choices[k];
+    let size = bitcast<f32>(choice.x);
+    let found = choice.y;
     let level = found >> 16u;
     if (level >= LEVELS) {
         return;
     }
     let place = counts[k / 256u][level] + (found & 0xffffu);
-    // `thin::larger`.
-    for (var n = 0u; n < 3u; n++) {
-        let row = rows[3u * k + n];
-        drawn[3u * place + n] = vec4f(size * row.xyz, row.w + (1.0 - size) * inner(row.xyz, plan.ball.xyz));
-    }
+    var x = larger(rows[3u * k], size);
+    var y = larger(rows[3u * k + 1u], size);
+    var z = larger(rows[3u * k + 2u], size);
+    //#if BEND
+    let moved = moved_rows(rides[k], Rows(x, y, z));
+    x = moved.x;
+    y = moved.y;
+    z = moved.z;
+    //#endif
+    drawn[3u * place] = x;
+    drawn[3u * place + 1u] = y;
+    drawn[3u * place + 2u] = z;
     //#if BEGINS
     drawn_begins[place] = begins[k];
     //#endif

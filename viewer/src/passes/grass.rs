@@ -229,7 +229,7 @@ fn source(gpu: &Gpu, scene: &Scene, grass: &Grass) -> (String, Lights) {
         surface: Surface::Opaque,
         msaa: scene.msaa,
         levels: false,
-        bend: false,
+        bend: None,
         turn: false,
         anchored: None,
         shares: false,

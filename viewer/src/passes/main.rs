@@ -45,9 +45,10 @@ pub(crate) struct Drawn<'a> {
 impl<'a> Drawn<'a> {
     /// The batches, each with its mesh and its material.
     pub(crate) fn iter(self) -> impl Iterator<Item = (&'a Batch, &'a MeshOnGpu, &'a MaterialOnGpu)> {
-        self.batches
-            .iter()
-            .filter_map(move |b| Some((b, self.meshes[b.mesh].as_ref()?, self.materials[b.material].as_ref()?)))
+        self.batches.iter().filter_map(move |b| {
+            let mesh = b.own.as_ref().or(self.meshes[b.mesh].as_ref())?;
+            Some((b, mesh, self.materials[b.material].as_ref()?))
+        })
     }
 }
 
@@ -343,8 +344,8 @@ impl MainPass {
                 Some(&mesh.normals),
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
-                Some(batch.shown()),
-                batch.rides.as_ref().filter(|_| variant.bend),
+                batch.shown(),
+                batch.bending(),
                 batch.shown_begins().filter(|_| variant.begins()),
                 mesh.places.as_ref().filter(|_| variant.anchored.is_some()),
             ];

@@ -41,7 +41,12 @@ struct Frame {
 //#endif
 
 struct Vertex {
+    //#if OWN
+    // From the point of the section that carries the vertex, in the scene's axes, with the section's number.
+    @location(0) position: vec4f,
+    //#else
     @location(0) position: vec3f,
+    //#endif
     @location(1) normal: vec3f,
     //#if TANGENT
     @location(2) tangent: vec4f,
@@ -49,19 +54,21 @@ struct Vertex {
     //#if LEAF
     @location(3) uv: vec2f,
     //#endif
-    // Rows of the instance's object-to-world matrix.
+    //#if !OWN
+    // Rows of the instance's object-to-world matrix. With `ride`, from the point of the section that carries it.
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
     //#if BEND
-    // The section that carries the instance: see `bent`.
-    @location(7) ride: vec2f,
+    // That section, or −1.
+    @location(7) ride: i32,
+    //#endif
     //#endif
     //#if TRANSFER || SHARES
     // First row of the light that arrives at the instance, and index of its first vertex's share of the sun.
     @location(9) begin: vec2u,
     //#endif
-    //#if SHARES || BEND
+    //#if SHARES
     @builtin(vertex_index) number: u32,
     //#endif
     //#if TRANSFER
@@ -98,14 +105,26 @@ struct Varying {
 }
 
 fn turned(in: Vertex, d: vec3f) -> vec3f {
+    //#if OWN
+    return d;
+    //#else
     return vec3f(dot(in.world_x.xyz, d), dot(in.world_y.xyz, d), dot(in.world_z.xyz, d));
+    //#endif
 }
 
 @vertex
 fn vertex(in: Vertex) -> Varying {
-    let p = vec4f(in.position, 1.0);
     var out: Varying;
+    //#if OWN
+    out.world = in.position.xyz;
+    let ride = i32(in.position.w);
+    //#else
+    let p = vec4f(in.position, 1.0);
     out.world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
+    //#if BEND
+    let ride = in.ride;
+    //#endif
+    //#endif
     // The scale is uniform. So normals turn like directions; the fragment stage normalises them.
     out.normal = turned(in, in.normal);
     //#if LEAF
@@ -116,9 +135,9 @@ fn vertex(in: Vertex) -> Varying {
     //#endif
     //#if BEND
     //#if TANGENT
-    let swung = bent(in.ride, in.number, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(ride, out.world, out.normal, out.tangent.xyz);
     //#else
-    let swung = bent(in.ride, in.number, out.world, out.normal, vec3f(0.0));
+    let swung = bent(ride, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
     //#if TURN

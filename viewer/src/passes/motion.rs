@@ -4,7 +4,7 @@
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::material::Samplers;
-use crate::passes::bend::{self, BendPass};
+use crate::passes::bend::{self, BendPass, Ride};
 use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, Sections, Wind};
@@ -26,8 +26,8 @@ pub(crate) struct MotionPass {
     group: wgpu::BindGroup,
     /// The bend at both times, where anything moves.
     bend: Option<BendPass>,
-    /// The pipelines, by whether a mask cuts the outline and whether something moves the vertices.
-    pipelines: HashMap<(bool, bool), wgpu::RenderPipeline>,
+    /// The pipelines, by whether a mask cuts the outline and how sections move the mesh.
+    pipelines: HashMap<(bool, Option<Ride>), wgpu::RenderPipeline>,
     mask_layout: wgpu::BindGroupLayout,
 }
 
@@ -58,13 +58,13 @@ impl MotionPass {
         let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
         let sections = scene.sections.as_ref().map_or(0, |s| s.count);
         for (batch, _, material) in drawn.iter() {
-            let (masked, bends) = (material.mask().is_some(), batch.rides.is_some());
+            let (masked, bends) = (material.mask().is_some(), batch.ride);
             if !pass.pipelines.contains_key(&(masked, bends)) {
                 let made = pass.pipeline(gpu, &layout, masked, bends, sections);
                 stats.pipeline(&format!(
                     "motion{}{}",
                     if masked { ": masked" } else { "" },
-                    if bends { ", bend" } else { "" }
+                    if bends.is_some() { ", bend" } else { "" }
                 ));
                 pass.pipelines.insert((masked, bends), made);
             }
@@ -77,7 +77,7 @@ impl MotionPass {
         gpu: &Gpu,
         cameras: &wgpu::BindGroupLayout,
         masked: bool,
-        bends: bool,
+        bends: Option<Ride>,
         sections: usize,
     ) -> wgpu::RenderPipeline {
         let defines = bend::defines(Defines::default(), bends, sections).set("MASK", masked);
@@ -91,7 +91,7 @@ impl MotionPass {
             bind_group_layouts: &[
                 Some(cameras),
                 masked.then_some(&self.mask_layout),
-                self.bend.as_ref().filter(|_| bends).map(BendPass::layout),
+                self.bend.as_ref().filter(|_| bends.is_some()).map(BendPass::layout),
             ],
             immediate_size: 0,
         });
@@ -145,7 +145,7 @@ impl MotionPass {
         }
         for (batch, mesh, material) in drawn.iter() {
             let mask = mask_group(gpu, &self.mask_layout, material, samplers);
-            let bends = batch.rides.is_some();
+            let bends = batch.ride;
             let Some(pipeline) = self.pipelines.get(&(mask.is_some(), bends)) else { continue };
             pass.set_pipeline(pipeline);
             if let Some(mask) = &mask {
@@ -154,8 +154,8 @@ impl MotionPass {
             let buffers = [
                 Some(&mesh.positions),
                 mesh.uvs.as_ref().filter(|_| mask.is_some()),
-                Some(batch.levels.enlarged().unwrap_or(&batch.instances)),
-                batch.rides.as_ref().filter(|_| bends),
+                batch.levels.enlarged().or(batch.rows()),
+                batch.rides.as_ref(),
             ];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));

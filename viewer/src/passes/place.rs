@@ -1,9 +1,10 @@
 //! Moves whole instances once for each picture, instead of each of their vertices in each pass: see `place.wgsl`. The
-//! passes that draw then need not know the sections.
+//! passes that draw then need not know the sections. What the adapter chooses for a picture, `choose.wgsl` moves as it
+//! chooses.
 
 use crate::geometry::Batch;
 use crate::gpu::Gpu;
-use crate::passes::bend::{self, BendPass};
+use crate::passes::bend::{self, BendPass, Of, Ride};
 use crate::scene::{Instance, Scene};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
@@ -46,8 +47,8 @@ pub(crate) fn within(limits: &wgpu::Limits, instances: usize) -> bool {
 impl PlacePass {
     pub(crate) fn new(gpu: &Gpu, bend: &BendPass, stats: &mut Stats) -> PlacePass {
         stats.pipeline("place");
-        let source =
-            assemble(&[bend::SOURCE, include_str!("place.wgsl")].concat(), &bend::defines(Defines::default(), true, 0));
+        let defines = bend::defines(Defines::default(), Some(Ride::Instances), 0);
+        let source = assemble(&[bend::SOURCE, include_str!("place.wgsl")].concat(), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("place"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -82,10 +83,18 @@ impl PlacePass {
         PlacePass { pipeline, layout }
     }
 
-    /// Moves all instances of all batches that move as wholes.
-    pub(crate) fn all(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, batches: &mut [Batch], bend: &BendPass) {
+    /// Moves the instances of all batches that move as wholes, as far as a picture needs them, and shadow maps if these
+    /// are drawn with it.
+    pub(crate) fn all(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        batches: &mut [Batch],
+        bend: &BendPass,
+        maps: bool,
+    ) {
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        batches.iter_mut().for_each(|batch| batch.place(gpu, &mut pass, self, bend));
+        batches.iter_mut().for_each(|batch| batch.place(gpu, &mut pass, self, bend, maps));
     }
 
     /// Moves `count` instances, which have these rows and these rides.
@@ -115,7 +124,11 @@ impl PlacePass {
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("place"),
             layout: &self.layout,
-            entries: &[begin_of(0, rows, size), begin_of(1, rides, 8 * u64::from(count)), begin_of(2, to, size)],
+            entries: &[
+                begin_of(0, rows, size),
+                begin_of(1, rides, (size_of::<Of>() * count as usize) as u64),
+                begin_of(2, to, size),
+            ],
         });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);

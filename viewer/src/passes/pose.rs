@@ -5,6 +5,7 @@
 use crate::error::Result;
 use crate::geometry::corners;
 use crate::gpu::Gpu;
+use crate::passes::bend::{self, RIGID, Ride};
 use crate::scene::{Poses, Scene};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 use wgpu::BufferUsages as Use;
 
 /// Bytes of a branch, of a mark, and of the box around what a section carries: the largest of what there is of each.
-const LIMB: usize = 112;
+const LIMB: usize = 128;
 const MARK: usize = 32;
 const BOX_AT_REST: usize = 64;
 /// The largest number of sections that one invocation seats.
@@ -129,13 +130,15 @@ impl PosePass {
         let marks = made("marks", MARK * (poses.pieces.len() + n), Use::empty());
         let states = made("states", 80 * n, Use::empty());
         let parts = made("parts", 32 * n, Use::COPY_SRC);
-        let defines = Defines::default()
+        let defines = bend::defines(Defines::default(), Some(Ride::Instances), 0)
             .constant("STEPS", if poses.closed_form { 0 } else { STEPS })
             .set("CLOSED_FORM", poses.closed_form)
             .set("HANGS", hangs);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("pose"),
-            source: wgpu::ShaderSource::Wgsl(assemble(include_str!("pose.wgsl"), &defines).into()),
+            source: wgpu::ShaderSource::Wgsl(
+                assemble(&[RIGID, include_str!("beam.wgsl"), include_str!("pose.wgsl")].concat(), &defines).into(),
+            ),
         });
         let mut of = |entry: &str, buffers: &[(u32, &wgpu::Buffer)], count: usize| {
             let all: Vec<(u32, wgpu::BindingResource<'_>)> =
@@ -212,15 +215,16 @@ fn order(poses: &Poses) -> Vec<u32> {
     all
 }
 
-/// Sections on one piece of a branch that follow each other in this order: the branch, the piece, the place of the
-/// first one in the order, and their number. The longest come first, so that invocations beside each other have as much
-/// to do.
+/// Sections on one piece of a branch that follow each other in this order: the branch, the piece among all pieces, the
+/// place of the first one in the order, and their number. The longest come first, so that invocations beside each other
+/// have as much to do.
 fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
     let on = |k: &u32| (poses.seats[*k as usize].limb, poses.seats[*k as usize].piece);
     let mut all = Vec::new();
     let mut first = 0;
     for same in order.chunk_by(|a, b| on(a) == on(b)) {
         let (limb, piece) = on(&same[0]);
+        let piece = poses.limbs[limb as usize].pieces[0] + piece;
         for run in same.chunks(LONGEST) {
             all.push([limb, piece, first, run.len() as u32]);
             first += run.len() as u32;
@@ -230,21 +234,23 @@ fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
     all
 }
 
-fn limbs(poses: &Poses, order: &[u32]) -> Vec<[[f32; 4]; 7]> {
+fn limbs(poses: &Poses, order: &[u32]) -> Vec<[[f32; 4]; 8]> {
     let begin = |limb: usize| order.partition_point(|k| (poses.seats[*k as usize].limb as usize) < limb) as u32;
     let one = |(k, limb): (usize, &crate::scene::Limb)| {
         let [alpha, ln_alpha, ell] = limb.taper;
         let parent = limb.parent.map_or(-1, |p| p as i32) as u32;
         let [piece, pieces] = limb.pieces;
+        let below = limb.parent.map_or(0, |p| poses.limbs[p as usize].pieces[0]) + limb.at.1;
         let seat = begin(k);
         [
-            four(limb.root, limb.length),
             four(limb.axes[0], alpha),
             four(limb.axes[1], ln_alpha),
-            four(limb.offset, ell),
             limb.coefficients,
-            [limb.at.0, bits(parent), bits(limb.at.1), bits(piece)],
-            [bits(pieces), bits(seat), bits(begin(k + 1) - seat), 0.0],
+            [limb.length, ell, limb.at.0, 0.0],
+            four(limb.root, 0.0),
+            four(limb.offset, 0.0),
+            [parent, below, piece, pieces].map(bits),
+            [seat, begin(k + 1) - seat, 0, 0].map(bits),
         ]
     };
     poses.limbs.iter().enumerate().map(one).collect()
@@ -260,7 +266,7 @@ fn seats(poses: &Poses, order: &[u32], hangs: bool) -> Vec<f32> {
     let one = |section: &u32| {
         let seat = &poses.seats[*section as usize];
         let share = [seat.share, bits(*section)];
-        let beside = [four(seat.offset, 0.0), four(seat.axis, seat.share), [bits(*section), 0.0, 0.0, 0.0]];
+        let beside = [four(seat.offset, seat.share), four(seat.axis, bits(*section))];
         if hangs { beside.as_flattened().to_vec() } else { share.to_vec() }
     };
     order.iter().flat_map(one).collect()

@@ -6,7 +6,7 @@
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::material::Samplers;
-use crate::passes::bend::{self, BendPass};
+use crate::passes::bend::{self, BendPass, Ride};
 use crate::passes::fit::FitPass;
 use crate::passes::main::Drawn;
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
@@ -15,6 +15,7 @@ use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3, Vec4};
+use std::collections::HashMap;
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Distance of uniforms with a dynamic offset, which suits every adapter.
@@ -28,9 +29,8 @@ pub(crate) struct ShadowPass {
     pub matrices: wgpu::Buffer,
     light_group: wgpu::BindGroup,
     light_buffer: wgpu::Buffer,
-    /// The pipelines without and with a mask, each for still and for bending meshes.
-    opaque: [Option<wgpu::RenderPipeline>; 2],
-    masked: [Option<wgpu::RenderPipeline>; 2],
+    /// The pipelines, by whether a mask cuts the outline and how sections move the mesh.
+    pipelines: HashMap<(bool, Option<Ride>), wgpu::RenderPipeline>,
     mask_layout: Option<wgpu::BindGroupLayout>,
     /// The groups of masks, in the order of the batches.
     mask_groups: Vec<Option<wgpu::BindGroup>>,
@@ -160,15 +160,15 @@ impl ShadowPass {
             }],
         });
         let own_mask = drawn.batches.iter().any(|b| b.casts && b.variant.masked()).then(|| mask_layout(gpu));
-        let mut need = |masked: bool, bends: bool| {
-            let of = |v: &&Variant| v.masked() == masked && v.bend == bends;
-            let first = drawn.batches.iter().filter(|b| b.casts).map(|b| &b.variant).find(of)?;
-            let name = if masked { "shadow: masked" } else { "shadow: opaque" };
-            stats.pipeline(&format!("{name}{}", if bends { ", bend" } else { "" }));
-            Some(pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), first))
-        };
-        let opaque = [false, true].map(|bends| need(false, bends));
-        let masked = [false, true].map(|bends| need(true, bends));
+        let mut pipelines = HashMap::new();
+        for variant in drawn.batches.iter().filter(|b| b.casts).map(|b| &b.variant) {
+            let (masked, bends) = (variant.masked(), variant.bend);
+            pipelines.entry((masked, bends)).or_insert_with(|| {
+                let name = if masked { "shadow: masked" } else { "shadow: opaque" };
+                stats.pipeline(&format!("{name}{}", if bends.is_some() { ", bend" } else { "" }));
+                pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), variant)
+            });
+        }
         let mut pass = ShadowPass {
             layers: (0..layers).map(|i| view(i, 1, wgpu::TextureViewDimension::D2)).collect(),
             map: view(0, layers + spare, wgpu::TextureViewDimension::D2Array),
@@ -176,8 +176,7 @@ impl ShadowPass {
             matrices: gpu.uniform("shadow matrices", &matrices),
             light_group,
             light_buffer,
-            opaque,
-            masked,
+            pipelines,
             mask_layout: own_mask,
             mask_groups: Vec::new(),
             resolution,
@@ -291,16 +290,14 @@ impl ShadowPass {
                 if !batch.casts {
                     continue;
                 }
-                let bends = usize::from(batch.variant.bend);
-                let pipelines = if mask.is_some() { &self.masked } else { &self.opaque };
-                let Some(pipeline) = &pipelines[bends] else { continue };
+                let Some(pipeline) = self.pipelines.get(&(mask.is_some(), batch.variant.bend)) else { continue };
                 pass.set_pipeline(pipeline);
                 if let Some(group) = mask {
                     pass.set_bind_group(1, group, &[]);
                 }
                 let uvs = mesh.uvs.as_ref().filter(|_| mask.is_some());
                 let (instances, rides, count) = batch.casting();
-                let buffers = [Some(&mesh.positions), uvs, Some(instances), rides];
+                let buffers = [Some(&mesh.positions), uvs, instances, rides];
                 for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));
                 }

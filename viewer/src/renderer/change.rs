@@ -6,7 +6,7 @@ use crate::guard::Guard;
 use crate::material::MaterialOnGpu;
 use crate::passes::main::Pipelines;
 use crate::passes::transfer::Lit;
-use crate::scene::{Instance, Scene, Wind};
+use crate::scene::{Scene, Wind};
 use crate::validate;
 use crate::variant::{Variant, shadow_layers};
 
@@ -89,15 +89,16 @@ impl Renderer {
         let (gpu, stats) = (&self.gpu, &mut self.stats);
         let mut new = None;
         for batch in loaded.batches.iter_mut().filter(|b| b.material == index) {
-            let own = |i: &&Instance| (i.mesh, i.material) == (batch.mesh, index);
-            let instances: Vec<Instance> = scene.instances.iter().filter(own).copied().collect();
-            let Some(variant) = Variant::new(gpu, scene, &instances) else { continue };
+            let Some(variant) = Variant::new(gpu, scene, &batch.of(scene)) else { continue };
             batch.variant = variant;
             self.pipelines.need(gpu, &variant, stats);
             new.get_or_insert_with(|| {
                 let (material, tables) = (&scene.materials[index], &mut self.tables);
                 MaterialOnGpu::new(gpu, index, material, &variant, &self.samplers, tables, Some(before), stats)
             });
+        }
+        for batch in loaded.batches.iter_mut().filter(|b| b.material == index) {
+            batch.complete(gpu, scene, stats);
         }
         for (i, mesh) in loaded.meshes.iter_mut().enumerate() {
             if let Some(mesh) = mesh {

@@ -2,11 +2,12 @@
 
 use super::Renderer;
 use crate::error::{Error, Result};
+use crate::passes::bend;
 use crate::readback;
 use crate::scene::{Camera, Scene};
 use crate::timing::{Clock, PASSES, Timing};
 use crate::variant::Variant;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use std::time::Instant;
 
 impl Renderer {
@@ -62,13 +63,21 @@ impl Renderer {
             });
         };
         let (mesh, m) = (&scene.meshes[instance.mesh], instance.transform);
+        let points = bend::points(scene);
+        let rows = bend::rows(scene, instance, &points).map(Vec4::from_array);
+        let own = bend::by_vertices(scene, instance, &points).map(|(own, _)| own);
+        let of = |k: usize| match &own {
+            Some(own) => (Vec3::new(own[k][0], own[k][1], own[k][2]), own[k][3] as i32),
+            None => (Vec3::from(rows.map(|row| row.dot(mesh.positions[k].extend(1.0)))), bend::ride(instance)),
+        };
         let vertices: Vec<[Vec3; 3]> = (0..mesh.positions.len())
             .map(|k| {
                 let turned = |d: Vec3| m.transform_vector3(d);
-                [m.transform_point3(mesh.positions[k]), turned(mesh.normals[k]), turned(mesh.tangents[k].truncate())]
+                [of(k).0, turned(mesh.normals[k]), turned(mesh.tangents[k].truncate())]
             })
             .collect();
-        bend.probe(&self.gpu, instance, &vertices)
+        let rides: Vec<i32> = (0..vertices.len()).map(|k| of(k).1).collect();
+        bend.probe(&self.gpu, &rides, &vertices)
     }
 
     /// The box around everything that each branch of the scene's plants carries, as the adapter has posed it and fits
@@ -82,8 +91,8 @@ impl Renderer {
     }
 
     /// Every instance of leaves and wood that the last picture has drawn, in the order of the draws: its mesh, its
-    /// material, its level of detail, and the three rows of its transform, enlarged as it was drawn. Where the vertex
-    /// stage moves an instance, the rows are those at rest.
+    /// material, its level of detail, and the three rows of its transform, enlarged as it was drawn. Where the CPU
+    /// chooses and a section carries the instance, the rows are those at rest, from the section's point.
     ///
     /// # Errors
     /// `Readback`.

@@ -12,13 +12,14 @@ mod read;
 mod targets;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Batch, Extents, MeshOnGpu, parallel_projection, view_projection};
+use crate::extents::Extents;
+use crate::geometry::{Batch, MeshOnGpu, parallel_projection, view_projection};
 use crate::gpu::{AdapterInfo, Gpu};
 use crate::guard::Guard;
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::backdrop::BackdropPass;
-use crate::passes::bend::BendPass;
+use crate::passes::bend::{self, BendPass};
 use crate::passes::bloom::BloomPass;
 use crate::passes::choose::ChoosePass;
 use crate::passes::grass::{Aim, GrassPass};
@@ -68,7 +69,7 @@ struct Loaded {
     bloom: Option<BloomPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
-    /// Moves what sections carry as wholes, if they do.
+    /// Moves what sections carry as wholes, where the adapter does not choose or shadow maps need it.
     place: Option<PlacePass>,
     /// Chooses what is drawn, where the adapter does.
     choose: Option<ChoosePass>,
@@ -148,12 +149,13 @@ impl Renderer {
         let guard = Guard::new(&self.gpu);
         let Stats { draws, shadow_renders, transfers, .. } = self.stats;
         let mut stats = Stats { draws, shadow_renders, transfers, ..Stats::default() };
-        let mut batches = Batch::all(&self.gpu, scene, &mut stats);
+        let points = bend::points(scene);
+        let mut batches = Batch::all(&self.gpu, scene, &points, &mut stats);
         let choose = ChoosePass::new(&self.gpu, &mut batches, &mut stats);
-        let mesh = |(i, mesh): (usize, &Mesh)| {
-            let stands = batches.iter().any(|b| b.mesh == i);
-            stands.then(|| MeshOnGpu::new(&self.gpu, i, mesh, &batches, &mut stats))
-        };
+        for batch in &mut batches {
+            batch.own = MeshOnGpu::carried(&self.gpu, scene, &points, batch, &mut stats);
+        }
+        let mesh = |(i, mesh): (usize, &Mesh)| MeshOnGpu::new(&self.gpu, i, mesh, &batches, &mut stats);
         let meshes: Vec<Option<MeshOnGpu>> = scene.meshes.iter().enumerate().map(mesh).collect();
         let material = |(i, material): (usize, &Material)| {
             let variant = &batches.iter().find(|b| b.material == i)?.variant;
@@ -165,14 +167,15 @@ impl Renderer {
         let now = extents.at(scene.wind.as_ref());
         let casters = now.casters;
         let bend = BendPass::posed(&self.gpu, scene, now.sections, &mut stats);
-        let whole = bend.as_ref().filter(|_| batches.iter().any(Batch::moves_whole));
+        let whole = bend.as_ref().filter(|_| batches.iter().any(|b| b.moving_whole().is_some()));
+        let layers = shadow_layers(scene);
         let place = whole.map(|bend| PlacePass::new(&self.gpu, bend, &mut stats));
         if let (Some(place), Some(bend)) = (&place, &bend) {
             // Makes the buffers while a lack of memory is still noticed.
-            place.all(&self.gpu, &mut self.gpu.device.create_command_encoder(&Default::default()), &mut batches, bend);
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            place.all(&self.gpu, &mut encoder, &mut batches, bend, layers > 0);
         }
         let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
-        let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
             let (mut pass, texel) =
@@ -283,10 +286,11 @@ impl Renderer {
             });
         }
         if let (Some(place), Some(bend)) = (&loaded.place, &loaded.bend) {
-            place.all(&self.gpu, encoder, &mut loaded.batches, bend);
+            let maps = loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn());
+            place.all(&self.gpu, encoder, &mut loaded.batches, bend, maps);
         }
         if let Some(choose) = &loaded.choose {
-            choose.record(&self.gpu, encoder, &mut loaded.batches, &seen, texel, apart);
+            choose.record(&self.gpu, encoder, &mut loaded.batches, loaded.bend.as_ref(), &seen, texel, apart);
         }
         let by_cpu = loaded.batches.iter().filter(|b| b.choice.is_none());
         self.stats.triangles = by_cpu.map(|b| b.levels.triangles()).sum();

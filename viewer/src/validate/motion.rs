@@ -15,14 +15,16 @@ pub(crate) fn sections(gpu: &Gpu, scene: &Scene, times: usize) -> Result<()> {
         let expected = "an adapter with Vulkan, Metal, DirectX 12 or a newer OpenGL, or a scene in which nothing moves";
         return Err(wrong("sections", found, expected));
     }
-    // A number in single precision names each section, and such numbers are exact up to 2^24.
+    // A number in single precision names the section of a vertex, and such numbers are exact up to 2^24.
     let limits = gpu.device.limits();
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    for (what, found, each) in [("sections", count, 32 * times), ("vertices of bark", of_vertices.len(), 4)] {
-        let most = (bytes / each as u64).min(1 << 24);
-        if found as u64 > most {
-            return Err(wrong(what, found, format!("at most {most}")));
-        }
+    let most = (bytes / (32 * times) as u64).min(1 << 24);
+    if count as u64 > most {
+        return Err(wrong("sections", count, format!("at most {most}")));
+    }
+    let seats = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).map_or(count, |poses| poses.seats.len());
+    if seats != count {
+        return Err(wrong("sections, seats", seats, format!("{count}, one for each section")));
     }
     for (i, instance) in scene.instances.iter().enumerate() {
         let Some(carried) = instance.carried else { continue };

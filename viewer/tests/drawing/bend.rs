@@ -79,6 +79,39 @@ fn time_moves_sections_and_their_shadows_and_back() {
     assert_eq!(draw(&mut renderer, &scene).hdr, second.hdr);
 }
 
+/// One motion can be stated by any point. The adapter counts from the points that the scene had when it was set.
+#[test]
+fn a_section_may_state_its_motion_by_another_point_at_each_time() {
+    let Some(mut renderer) = renderer() else { return };
+    let count = scene(0.0).meshes[0].positions.len();
+    let one = |time: f64| {
+        let turn = Quat::from_rotation_z(0.1 * time as f32);
+        let from = Vec3::new(3.0, -2.0, 1.0) * time as f32;
+        Section { from, to: Vec3::new(1.0, 2.0, 0.5) * time as f32 + turn * from, turn }
+    };
+    for vertices in [None, Some(0)] {
+        let mut scene = scene(0.0);
+        scene.sections = Some(Sections {
+            count: 1,
+            of_vertices: Arc::new(vec![0; count]),
+            turn_normals: true,
+            poses: None,
+            at: Arc::new(move |time| vec![one(time)]),
+        });
+        scene.instances[0].carried = Some(Carried { first: 0, vertices });
+        scene.wind = Some(Wind { time_s: 0.0 });
+        let first = draw(&mut renderer, &scene);
+        renderer.set_time(&Wind { time_s: 4.0 });
+        let moved = look(&mut renderer);
+        scene.wind = Some(Wind { time_s: 4.0 });
+        let there = draw(&mut renderer, &scene);
+        let off =
+            |a: &Picture, b: &Picture| a.hdr.iter().zip(&b.hdr).filter(|(a, b)| (a[1] - b[1]).abs() > 2e-3).count();
+        assert!(off(&moved, &first) > 100, "{} pixels moved", off(&moved, &first));
+        assert!(off(&moved, &there) <= 8, "{vertices:?}: {} pixels", off(&moved, &there));
+    }
+}
+
 /// In simplified motion, positions are the same, and the light on them is that of a surface that has not turned.
 #[test]
 fn surfaces_that_do_not_turn_are_lit_as_at_rest() {

@@ -1,0 +1,115 @@
+//! How far a scene reaches, at rest and at a time of its wind: what shadow maps and clipping planes must cover.
+
+use crate::bend::Moved;
+use crate::geometry::{ball, corners};
+use crate::passes::pose;
+use crate::scene::{Carried, Poses, Scene, Section, Sections, Wind};
+use glam::Vec3;
+
+/// Points around every instance at rest, in world space, and what carries them. They are the corners of boxes, or every
+/// vertex where a mesh bends.
+pub(crate) struct Extents {
+    /// What casts a shadow stands first.
+    points: Vec<(Option<Carried>, Vec<Vec3>)>,
+    /// How many of these cast a shadow.
+    casters: usize,
+    sections: Option<Sections>,
+    /// Balls that hold all poses, where the adapter poses what is carried.
+    reach: Option<Vec<(Vec3, f32)>>,
+}
+
+impl Extents {
+    pub(crate) fn new(scene: &Scene) -> Extents {
+        Extents::of(scene, scene.sections.as_ref().and_then(|s| s.poses.as_deref()))
+    }
+
+    /// Where the adapter poses what is carried, the extents are those at rest, and the ball holds all poses.
+    fn of(scene: &Scene, poses: Option<&Poses>) -> Extents {
+        let boxes: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|mesh| corners(&mesh.positions)).collect();
+        let points = scene.instances.iter().filter_map(|instance| {
+            let by = instance.carried;
+            let own = by.is_some_and(|c| c.vertices.is_some()) && poses.is_none();
+            let around = if own { &scene.meshes[instance.mesh].positions } else { &boxes[instance.mesh]?[..] };
+            let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
+            Some(((by, points), instance.floor))
+        });
+        // Lawns cast no shadow.
+        let lawns = scene.grass.iter().map(|grass| {
+            let far = (grass.high - grass.low).extend(grass.height);
+            let corner = |k: u32| {
+                let at = Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32);
+                grass.origin + grass.low.extend(0.0) + at * far
+            };
+            ((None, (0..8).map(corner).collect()), true)
+        });
+        let (floors, mut points): (Vec<_>, Vec<_>) = points.chain(lawns).partition(|(_, floor)| *floor);
+        let casters = points.len();
+        points.extend(floors);
+        Extents {
+            points: points.into_iter().map(|(one, _)| one).collect(),
+            casters,
+            sections: scene.sections.clone(),
+            reach: poses.map(|poses| pose::reach(scene, poses)),
+        }
+    }
+
+    /// The points of what casts shadows and is not carried.
+    pub(crate) fn still(&self) -> Vec<Vec3> {
+        let still = self.points[..self.casters].iter().filter(|(by, _)| by.is_none());
+        still.flat_map(|(_, points)| points).copied().collect()
+    }
+
+    /// Boxes around what stands in the scene at rest, as two corners: one around all that casts shadows, and one around
+    /// each thing that does not.
+    pub(crate) fn boxes(&self) -> Vec<[Vec3; 2]> {
+        let around = |points: &mut dyn Iterator<Item = &Vec3>| {
+            let first = *points.next()?;
+            Some(points.fold([first; 2], |[low, high], p| [low.min(*p), high.max(*p)]))
+        };
+        let (casters, others) = self.points.split_at(self.casters);
+        let all = around(&mut casters.iter().flat_map(|(_, points)| points));
+        all.into_iter().chain(others.iter().filter_map(|(_, points)| around(&mut points.iter()))).collect()
+    }
+
+    pub(crate) fn sections(&self) -> Option<&Sections> {
+        self.sections.as_ref()
+    }
+
+    /// The scene's extents at a time of its wind.
+    pub(crate) fn at(&self, wind: Option<&Wind>) -> ExtentsNow {
+        let sections = self.sections.as_ref().filter(|_| self.reach.is_none());
+        let moved = Moved::new(sections, sections.map_or_else(Vec::new, |s| s.now(wind)));
+        let mut points = Vec::with_capacity(self.points.iter().map(|(_, points)| points.len()).sum());
+        let mut casting = 0;
+        for (k, (by, own)) in self.points.iter().enumerate() {
+            points.extend(own.iter().enumerate().map(|(n, p)| moved.place(*by, n, *p)));
+            if k < self.casters {
+                casting = points.len();
+            }
+        }
+        let reach = self.reach.iter().flatten();
+        let ends = reach.flat_map(|(centre, radius)| [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| (*centre, *radius * axis)));
+        let far: Vec<Vec3> = ends.flat_map(|(centre, arm)| [centre - arm, centre + arm]).collect();
+        let ball = match far.is_empty() {
+            true => ball(&points),
+            false => ball(&points.iter().chain(&far).copied().collect::<Vec<Vec3>>()),
+        };
+        points.truncate(casting);
+        ExtentsNow { ball, casters: points, sections: moved.into_sections() }
+    }
+}
+
+/// The extents of a scene at one time.
+pub(crate) struct ExtentsNow {
+    /// The motions of all sections; none where the adapter computes them.
+    pub sections: Vec<Section>,
+    /// The points that shadow maps must cover: everything that casts a shadow.
+    pub casters: Vec<Vec3>,
+    /// Centre and radius of a ball around everything, which clipping planes must cover.
+    pub ball: (Vec3, f32),
+}
+
+/// Centre and radius of a ball around everything that a scene shows, as bent at its time.
+pub fn ball_around(scene: &Scene) -> (Vec3, f32) {
+    Extents::of(scene, None).at(scene.wind.as_ref()).ball
+}
