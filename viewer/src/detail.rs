@@ -130,8 +130,8 @@ impl Levels {
         self.levels.len() > 1
     }
 
-    /// The ball around each instance at rest: its centre, from the point of the section that carries the instance if one
-    /// does, and the instance's scale.
+    /// The ball around each instance at rest: its centre, from the point of the section that carries the instance if
+    /// one does, and the instance's scale.
     pub(crate) fn balls(&self) -> Vec<[f32; 4]> {
         let c = self.ball.0.extend(1.0);
         let one = |((rows, sphere), still): ((&[[f32; 4]; 3], &(Vec3, f32, f32)), &bool)| {

@@ -1,6 +1,6 @@
 //! Meshes and instances on the adapter. Each quantity of a vertex has a buffer of its own, so that a quantity that no
-//! shader reads is never uploaded (only a vertex's section comes with its position). A mesh in a material needs one instanced draw for each level of detail, however
-//! often the two occur.
+//! shader reads is never uploaded; only a vertex's section comes with its position. A mesh in a material needs one
+//! instanced draw for each level of detail, however often the two occur.
 
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
