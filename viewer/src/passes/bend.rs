@@ -33,7 +33,7 @@ pub(crate) struct BendPass {
     /// Where the sections move to at the present times.
     pub sections: wgpu::Buffer,
     /// The points of the sections at rest from which the adapter counts.
-    points: Vec<Vec3>,
+    pub points: Vec<Vec3>,
     /// Computes them on the adapter, for scenes that say how.
     pub pose: Option<PosePass>,
 }
@@ -121,17 +121,13 @@ pub(crate) fn by_vertices(scene: &Scene, instance: &Instance, points: &[Vec3]) -
 }
 
 impl BendPass {
-    /// Uploads the motions of all sections at each of these `times`, from which shaders choose; `None` where sections
-    /// carry nothing.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, times: &[Vec<Section>], stats: &mut Stats) -> Option<BendPass> {
-        let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
-        Some(BendPass::of(gpu, sections, points(scene), times, stats))
-    }
-
-    /// Poses everything on the adapter if the scene says how, or on the CPU as `now`.
+    /// Poses everything on the adapter if the scene says how, or on the CPU as `now`; `None` where sections carry
+    /// nothing.
     pub(crate) fn posed(gpu: &Gpu, scene: &Scene, now: Vec<Section>, stats: &mut Stats) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
-        let Some(poses) = &sections.poses else { return BendPass::new(gpu, scene, &[now], stats) };
+        let Some(poses) = &sections.poses else {
+            return Some(BendPass::of(gpu, sections, points(scene), &[now], stats));
+        };
         let at_rest = |seat: &Seat| Section { from: seat.from, to: seat.from, turn: Quat::IDENTITY };
         let mut pass = BendPass::of(gpu, sections, points(scene), &[poses.seats.iter().map(at_rest).collect()], stats);
         let pose = PosePass::new(gpu, scene, poses, &pass.sections, stats);
@@ -140,7 +136,14 @@ impl BendPass {
         Some(pass)
     }
 
-    fn of(gpu: &Gpu, sections: &Sections, points: Vec<Vec3>, times: &[Vec<Section>], stats: &mut Stats) -> BendPass {
+    /// Uploads the motions of all sections at each of these `times`, from which shaders choose, counted from `points`.
+    pub(crate) fn of(
+        gpu: &Gpu,
+        sections: &Sections,
+        points: Vec<Vec3>,
+        times: &[Vec<Section>],
+        stats: &mut Stats,
+    ) -> BendPass {
         stats.upload("sections", (times.len() * sections.count * 32) as u64);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let sections = gpu.buffer("sections", bytemuck::cast_slice(&motions(times, &points)), usage);

@@ -32,8 +32,14 @@ pub(crate) struct MotionPass {
 }
 
 impl MotionPass {
-    /// Makes the pipelines and groups that the batches of a scene need.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, drawn: Drawn<'_>, stats: &mut Stats) -> MotionPass {
+    /// Makes the pipelines and groups that the batches of a scene need, which `bend` moves in its pictures.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        bend: Option<&BendPass>,
+        drawn: Drawn<'_>,
+        stats: &mut Stats,
+    ) -> MotionPass {
         let cameras = gpu.uniform("cameras of motion", &[Cameras::default()]);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("cameras of motion"),
@@ -54,7 +60,9 @@ impl MotionPass {
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: cameras.as_entire_binding() }],
         });
         let now = scene.sections.as_ref().map_or_else(Vec::new, |s| s.now(scene.wind.as_ref()));
-        let bend = BendPass::new(gpu, scene, &[now.clone(), now], stats);
+        let bend = bend
+            .zip(scene.sections.as_ref())
+            .map(|(bend, sections)| BendPass::of(gpu, sections, bend.points.clone(), &[now.clone(), now], stats));
         let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
         let sections = scene.sections.as_ref().map_or(0, |s| s.count);
         for (batch, _, material) in drawn.iter() {

@@ -54,7 +54,7 @@ impl Renderer {
         }
         let pass = match loaded.motion.take() {
             Some(pass) => pass,
-            None => MotionPass::new(gpu, scene, loaded.drawn(), &mut self.stats),
+            None => MotionPass::new(gpu, scene, loaded.bend.as_ref(), loaded.drawn(), &mut self.stats),
         };
         let (centre, radius) = loaded.ball;
         let of = |camera: &Camera| {
