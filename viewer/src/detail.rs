@@ -3,7 +3,7 @@
 //! So a leaf needs one instanced draw for each level.
 
 use crate::gpu::Gpu;
-use crate::passes::bend::Of;
+use crate::passes::bend::Carrier;
 use crate::scene::{Camera, Instance, Mesh};
 use crate::thin::{MANY, Seen, enlarged, larger, ranks};
 use glam::Vec3;
@@ -27,7 +27,7 @@ pub(crate) struct Levels {
     spheres: Vec<(Vec3, f32, f32)>,
     /// The rows of each instance's transform at rest, and the section that carries it (`passes::bend`).
     rows: Vec<[[f32; 4]; 3]>,
-    rides: Vec<Of>,
+    rides: Vec<Carrier>,
     begins: Vec<[u32; 2]>,
     /// Whether nothing moves the instance away from its ball.
     still: Vec<bool>,
@@ -75,7 +75,7 @@ impl Levels {
     pub(crate) fn new(
         mesh: &Mesh,
         instances: &[Instance],
-        (rows, rides, begins): (Vec<[[f32; 4]; 3]>, Vec<Of>, Vec<[u32; 2]>),
+        (rows, rides, begins): (Vec<[[f32; 4]; 3]>, Vec<Carrier>, Vec<[u32; 2]>),
         leaves: bool,
         in_full: bool,
     ) -> Levels {
@@ -188,7 +188,7 @@ impl Levels {
         }
         let kept: Vec<usize> = (0..sizes.len()).filter(|k| sizes[*k] > 0.0).collect();
         let rows: Vec<[[f32; 4]; 3]> = kept.iter().map(|k| self.larger(*k, sizes[*k])).collect();
-        let rides: Vec<Of> = kept.iter().map(|k| self.rides[*k]).collect();
+        let rides: Vec<Carrier> = kept.iter().map(|k| self.rides[*k]).collect();
         let put = |label: &str, bytes: &[u8]| {
             // No buffer is empty.
             gpu.buffer(

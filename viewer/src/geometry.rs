@@ -4,7 +4,7 @@
 
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
-use crate::passes::bend::{self, BendPass, Of, Ride};
+use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
 use crate::scene::{Instance, Mesh, Scene};
@@ -119,7 +119,7 @@ impl Batch {
         let batch = |((material, mesh, alone), instances): ((usize, usize, Option<usize>), Vec<Instance>)| {
             let variant = Variant::new(gpu, scene, &instances)?;
             let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(|i| bend::rows(scene, i, points)).collect();
-            let rides: Vec<Of> = instances.iter().map(bend::ride).collect();
+            let rides: Vec<Carrier> = instances.iter().map(bend::ride).collect();
             let begins: Vec<[u32; 2]> = instances.iter().map(detail::begin).collect();
             let mut put = |name: &str, bytes: &[u8]| {
                 put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::STORAGE | Use::COPY_DST, stats)
@@ -296,7 +296,7 @@ pub(crate) fn vertex_layouts(
         layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
     }
     if ride == Some(Ride::Instances) {
-        layouts.push(layout(size_of::<Of>() as u64, wgpu::VertexStepMode::Instance, &RIDE));
+        layouts.push(layout(size_of::<Carrier>() as u64, wgpu::VertexStepMode::Instance, &RIDE));
     }
     if begin {
         layouts.push(layout(8, wgpu::VertexStepMode::Instance, &BEGIN));

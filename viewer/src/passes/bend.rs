@@ -24,7 +24,7 @@ pub(crate) enum Ride {
 }
 
 /// What carries an instance as a whole: the number of the section, or −1.
-pub(crate) type Of = i32;
+pub(crate) type Carrier = i32;
 
 /// Sections on the adapter.
 pub(crate) struct BendPass {
@@ -90,8 +90,8 @@ pub(crate) fn points(scene: &Scene) -> Vec<Vec3> {
 }
 
 /// What carries an instance, as the shader reads it.
-pub(crate) fn ride(instance: &Instance) -> Of {
-    instance.carried.map_or(-1, |c| c.first as Of)
+pub(crate) fn ride(instance: &Instance) -> Carrier {
+    instance.carried.map_or(-1, |c| c.first as Carrier)
 }
 
 /// The three rows of an instance's transform, from the point of the section that carries it as a whole.
@@ -168,7 +168,7 @@ impl BendPass {
 
     /// Runs the vertex stage's function on vertices, which `rides` carry: each has its place from its section's point,
     /// its normal and its tangent, in the scene's axes.
-    pub(crate) fn probe(&self, gpu: &Gpu, rides: &[Of], vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
+    pub(crate) fn probe(&self, gpu: &Gpu, rides: &[Carrier], vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
         let defines = defines(Defines::default(), Some(Ride::Instances), 0);
         let source = assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -4,7 +4,7 @@
 
 use crate::geometry::Batch;
 use crate::gpu::Gpu;
-use crate::passes::bend::{self, BendPass, Of, Ride};
+use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::scene::{Instance, Scene};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
@@ -126,7 +126,7 @@ impl PlacePass {
             layout: &self.layout,
             entries: &[
                 begin_of(0, rows, size),
-                begin_of(1, rides, (size_of::<Of>() * count as usize) as u64),
+                begin_of(1, rides, (size_of::<Carrier>() * count as usize) as u64),
                 begin_of(2, to, size),
             ],
         });

@@ -6,7 +6,7 @@
 //
 // Places on a branch are counted from its root at rest, so that they keep their digits far from the scene's origin.
 // What several sections need of their branch is read once for all of them, in rows of four numbers: a software adapter
-// spends more time on reading a row from a buffer than on computing with it.
+// needs about as long to read them as to compute with them.
 
 // A branch as it is stored.
 struct Stored {

@@ -11,6 +11,7 @@ fn rotate(q: vec4f, v: vec3f) -> vec3f {
     return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v);
 }
 
+// The section of this number.
 fn moved_by(number: u32) -> Rigid {
     return Rigid(sections[number][0].xyz, sections[number][1]);
 }

@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use glam::{Quat, Vec3};
-use mesophyll_viewer::scene::{Carried, Material, Opaque, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{Carried, Material, Opaque, Poses, Scene, Section, Sections, Wind};
 use mesophyll_viewer::{Picture, Renderer};
 use std::sync::Arc;
 
@@ -110,6 +110,26 @@ fn a_section_may_state_its_motion_by_another_point_at_each_time() {
         assert!(off(&moved, &first) > 100, "{} pixels moved", off(&moved, &first));
         assert!(off(&moved, &there) <= 8, "{vertices:?}: {} pixels", off(&moved, &there));
     }
+}
+
+#[test]
+fn sections_without_a_seat_each_are_refused() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = scene(0.3);
+    let count = scene.sections.as_ref().map_or(0, |s| s.count);
+    let poses = Poses {
+        limbs: Vec::new(),
+        pieces: Vec::new(),
+        seats: Vec::new(),
+        closed_form: false,
+        amplitudes: Arc::new(|_| Vec::new()),
+        turns: None,
+    };
+    if let Some(sections) = &mut scene.sections {
+        sections.poses = Some(Arc::new(poses));
+    }
+    let said = renderer.set_scene(&scene).expect_err("no seats").to_string();
+    assert!(said.contains("seats") && said.contains(&format!("{count}, one for each section")), "{said}");
 }
 
 /// In simplified motion, positions are the same, and the light on them is that of a surface that has not turned.
