@@ -12,7 +12,7 @@ use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_flora::form::{Branch, Plant, nearest};
+use mesophyll_flora::form::{Branch, Plant};
 use mesophyll_flora::grow::described;
 use mesophyll_manifest::{Manifest, Matter};
 use rand::{RngExt, SeedableRng};
@@ -202,17 +202,10 @@ impl Planted {
         self.plant.branches.iter().enumerate().filter(move |(_, b)| b.material == material)
     }
 
-    /// For every vertex of its wood, in the order of [`Planted::wood`]: the branch, and the nearest share of the
-    /// branch's axis.
-    pub fn bark_places(&self) -> Vec<Vec<(usize, f64)>> {
-        let of = |(material, _): &(String, [f64; 3])| {
-            let branches = self.made_of(material);
-            let vertices = |(k, b): (usize, &Branch)| -> Vec<(usize, f64)> {
-                b.wood.positions.iter().map(|p| (k, nearest(&b.axis, *p).0)).collect()
-            };
-            branches.flat_map(vertices).collect()
-        };
-        self.barks.iter().map(of).collect()
+    /// The branches of each wood of [`Planted::wood`], with their numbers, in the order in which their bark follows
+    /// there.
+    pub fn barks(&self) -> impl Iterator<Item = impl Iterator<Item = (usize, &Branch)>> {
+        self.barks.iter().map(|(material, _)| self.made_of(material))
     }
 
     /// Its wood, with one mesh for each material.

@@ -5,9 +5,9 @@ use super::plant::{Planted, Wood};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::form::Joint;
-use mesophyll_flora::pose::{Pose, Rigid, SECTION_STEP};
+use mesophyll_flora::pose::bark::Carriers;
+use mesophyll_flora::pose::{Pose, Rigid};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The number of sections that are worth a thread of their own.
@@ -39,16 +39,17 @@ impl Sections {
     /// The sections of a plant. They follow the `first` sections of the scene.
     pub fn new(planted: &Planted, first: usize) -> Sections {
         let mut on: Vec<(usize, f64)> = planted.plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at)).collect();
-        let mut known = BTreeMap::new();
-        let mut section = |(branch, at): (usize, f64)| {
-            let step = (at / SECTION_STEP).round();
-            *known.entry((branch, step as u32)).or_insert_with(|| {
-                on.push((branch, step * SECTION_STEP));
-                on.len() as u32 - 1
-            })
-        };
-        let bark = planted.bark_places().into_iter();
-        let bark = bark.map(|vertices| Arc::new(vertices.into_iter().map(&mut section).collect())).collect();
+        let bark = planted.barks().map(|branches| {
+            let mut of_vertices = Vec::new();
+            for (k, branch) in branches {
+                let own = Carriers::new(branch);
+                let first = on.len() as u32;
+                on.extend(own.at.iter().map(|at| (k, *at)));
+                of_vertices.extend(own.of_vertices.iter().map(|section| first + section));
+            }
+            Arc::new(of_vertices)
+        });
+        let bark = bark.collect();
         Sections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
     }
 

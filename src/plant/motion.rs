@@ -216,11 +216,10 @@ impl Motion {
     pub fn cell(&self, at: [f64; 2]) -> Cell {
         let n = self.size;
         let [(x0, x1, fx), (y0, y1, fy)] = at.map(|c| {
-            let c = wrapped(c) * n as f64 - 0.5;
-            let low = c.floor();
-            // It is −1 in the first half of the first texel, which the last texel precedes.
-            let first = if low < 0.0 { n - 1 } else { (low as usize).min(n - 1) };
-            (first, if first + 1 == n { 0 } else { first + 1 }, c - low)
+            let c = wrapped(c) * n as f64 + 0.5;
+            // The texel after the place; the first one comes after the last.
+            let after = (c as usize).min(n);
+            (if after == 0 { n - 1 } else { after - 1 }, if after == n { 0 } else { after }, c - after as f64)
         });
         Cell { texels: [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| y * n + x), share: [fx, fy] }
     }

@@ -1,7 +1,7 @@
 //! Writes a plant that moves as binary glTF with an animation.
 //!
 //! Each branch's node moves with the place where it grows. The bark is a skinned mesh. Its joints are the
-//! cross-sections that carry its vertices in both renderers ([`SECTION_STEP`]), and each joint is a node in the
+//! cross-sections that carry its vertices in both renderers ([`Carriers`]), and each joint is a node in the
 //! branch's node. A vertex belongs to one joint only. So at a key, the bark is exactly the pose, and not a mean of two
 //! turns. The branch's own node is the joint of its root. Leaves are nodes in the node of their branch. The nodes
 //! themselves hold the plant's pose at rest.
@@ -10,14 +10,14 @@
 //! effect, so the meshes of bark stand beside the plant's node, in metres.
 
 use super::write::{Shapes, below, narrow, node, placed, rooted, upright, whole};
-use crate::form::{Branch, Plant, nearest};
-use crate::pose::{Rigid, SECTION_STEP};
+use crate::form::{Branch, Plant};
+use crate::pose::Rigid;
+use crate::pose::bark::Carriers;
 use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A node stands still if its place in the node above moves by less than this share of itself, where a place below 1 mm
@@ -41,20 +41,15 @@ impl Carried {
         let mut on: Vec<(usize, f64)> =
             roots.chain(plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at))).collect();
         let own = |(k, branch): (usize, &Branch)| {
-            let mut joints = Vec::new();
-            let mut known = BTreeMap::new();
-            let mut joint = |at: f64| {
-                let step = (at / SECTION_STEP).round();
-                *known.entry(step as u32).or_insert_with(|| {
-                    joints.push(if step == 0.0 { k } else { on.len() });
-                    if step != 0.0 {
-                        on.push((k, step * SECTION_STEP));
-                    }
-                    joints.len() as u16 - 1
-                })
+            let own = Carriers::new(branch);
+            let joint = |at: &f64| match *at {
+                0.0 => k,
+                at => {
+                    on.push((k, at));
+                    on.len() - 1
+                }
             };
-            let vertices = branch.wood.positions.iter().map(|p| joint(nearest(&branch.axis, *p).0)).collect();
-            (joints, vertices)
+            (own.at.iter().map(joint).collect(), own.of_vertices.iter().map(|section| *section as u16).collect())
         };
         let bark = plant.branches.iter().enumerate().map(own).collect();
         Carried { on, bark }

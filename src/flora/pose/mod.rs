@@ -19,6 +19,8 @@ use mesophyll_plant::taper::Shape;
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
+pub mod bark;
+
 /// Quadrature rule and number of Newton steps for the arc's length. They are accurate to 1e-9 of it for small bends.
 /// For tips at [`FURTHEST`] they are accurate to 3e-8 at a taper of .01, and to 5e-6 at 1e-4, the thinnest.
 static NODES: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(12));
@@ -48,10 +50,6 @@ pub enum Lengths {
 /// The angle (rad) after which the posed axis gets a new point. The length of the line of points is then accurate to
 /// 1e-6.
 const FINE: f64 = 0.005;
-
-/// Sections that carry bark lie at multiples of this share of a branch, and a vertex follows the nearest one. On a
-/// branch that is bent by a radian its place is then wrong by 1e-4 of the branch's radius.
-pub const SECTION_STEP: f64 = 1.0 / 8192.0;
 
 /// A rigid motion: how a cross-section of a branch moves everything that hangs on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -130,13 +128,10 @@ impl Limb {
         let r = across.try_normalize().unwrap_or_else(|| t.any_orthonormal_vector());
         let length = branch.length();
         let mut pieces = Vec::new();
-        let mut before = 0.0;
-        for w in branch.axis.windows(2) {
-            let step = w[0].distance(w[1]);
-            if step > 0.0 && length > 0.0 {
+        for (w, share) in branch.axis.windows(2).zip(bark::shares(branch)) {
+            if w[0].distance(w[1]) > 0.0 && length > 0.0 {
                 let [place, end] = [w[0], w[1]].map(|p| frame.transform_point3(p));
-                pieces.push((before / length, place, (end - place).normalize()));
-                before += step;
+                pieces.push((share, place, (end - place).normalize()));
             }
         }
         let shape = shape(branch.taper().clamp(TAPER_MIN, TAPER_MAX));
@@ -197,15 +192,18 @@ pub fn limited(size: f64, free: f64, furthest: f64) -> f64 {
     if size <= free { size } else { free + room * ((size - free) / room).tanh() }
 }
 
-/// An amplitude towards r and s as poses limit it: its direction, and its size, which is 0 where nothing bends. `tip`
-/// is the branch's [`Limb::beam_tip`].
-pub fn held([x, y]: [f64; 2], tip: f64) -> ([f64; 2], f64) {
-    let wanted = x.hypot(y);
-    let bends = wanted > 0.0 && wanted.is_finite() && tip > 0.0;
-    if !bends {
-        return ([1.0, 0.0], 0.0);
+/// An amplitude towards r and s as poses limit it; 0 where nothing bends. `tip` is the branch's [`Limb::beam_tip`].
+pub fn held([x, y]: [f64; 2], tip: f64) -> [f64; 2] {
+    if !(tip > 0.0 && x.is_finite() && y.is_finite()) {
+        return [0.0; 2];
     }
-    ([x / wanted, y / wanted], limited(wanted * tip, FREELY, FURTHEST) / tip)
+    // Nearly all are so small. Their squares tell it without a root, which counts where thousands bend in a frame.
+    if (x * x + y * y) * (tip * tip) <= FREELY * FREELY {
+        return [x, y];
+    }
+    let wanted = x.hypot(y) * tip;
+    let kept = limited(wanted, FREELY, FURTHEST) / wanted;
+    [x * kept, y * kept]
 }
 
 impl Limbs {
@@ -240,8 +238,9 @@ impl Swung {
     /// A branch that is bent by this amplitude, on a base that does not move.
     fn new(limb: &Limb, amplitude: [f64; 2], lengths: Lengths) -> Swung {
         let [t, r, s] = limb.axes;
-        let ([x, y], size) = held(amplitude, limb.beam_tip());
-        let e = x * r + y * s;
+        let [x, y] = held(amplitude, limb.beam_tip());
+        let size = x.hypot(y);
+        let e = if size > 0.0 { (x / size) * r + (y / size) * s } else { r };
         let mut swung = Swung { base: Rigid::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
         if size > 0.0 {
             swung.marks.reserve(limb.pieces.len());

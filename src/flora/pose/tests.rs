@@ -163,3 +163,28 @@ fn a_branch_without_length_and_thin_and_even_tapers_have_a_pose() {
     assert!((moved.dot(r) / (1e-3 * limbs.0[0].length) - 1.0).abs() < 1e-3, "{}", moved.dot(r));
     assert!(moved.dot(s).abs() < 1e-3 * moved.dot(r) && moved.dot(t).abs() < 0.05 * moved.dot(r));
 }
+
+/// Of the vertices that stand in a ring, one section carries all, except where the branch is thick and bent.
+#[test]
+fn a_ring_of_bark_has_one_section() {
+    let plant = sapling();
+    let (mut rings, mut sections) = (0, 0);
+    for branch in &plant.branches {
+        let own = bark::Carriers::new(branch);
+        let mut at: Vec<u64> = own.at.iter().map(|at| at.to_bits()).collect();
+        at.sort_unstable();
+        at.dedup();
+        assert_eq!(at.len(), own.at.len(), "{}: a section twice", branch.name);
+        for (vertex, section) in branch.wood.positions.iter().zip(&own.of_vertices) {
+            let off = nearest(&branch.axis, *vertex).0 - own.at[*section as usize];
+            assert!(off.abs() <= 1.0 / 1024.0, "{}: {off}", branch.name);
+        }
+        let mut along: Vec<u64> = branch.wood.uvs.iter().map(|uv| uv.y.to_bits()).collect();
+        along.sort_unstable();
+        along.dedup();
+        rings += along.len();
+        sections += own.at.len();
+    }
+    println!("{sections} sections for {rings} rings");
+    assert!(rings > 200 && sections >= rings && sections < rings + rings / 5, "{sections} sections, {rings} rings");
+}

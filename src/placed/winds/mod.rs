@@ -81,8 +81,8 @@ impl Swing {
     }
 }
 
-/// The number of branches whose amplitudes are worth a thread of their own.
-const SWINGS: usize = 256;
+/// The number of branches whose amplitudes are worth a thread of their own. For fewer, to wake another takes as long.
+const SWINGS: usize = 2048;
 
 /// The largest number of motion textures (8 MB each) of branches and leaves. More are more likely an error of a file
 /// than a real plant.
@@ -227,9 +227,8 @@ impl Winds {
         swing.amplitude(swing.gusts.as_ref().map_or([0.0; 2], gust))
     }
 
-    /// The amplitude of every branch of every plant at every place, as poses hold it ([`pose::held`]): times the unit
-    /// vector towards r and s. The branches of a plant follow each other, place after place. What does not change with
-    /// time is worked out once.
+    /// The amplitude towards r and s of every branch of every plant at every place, as poses hold it ([`pose::held`]).
+    /// The branches of a plant follow each other, place after place. What does not change with time is worked out once.
     pub fn amplitudes(self: &Arc<Winds>) -> impl Fn(f64) -> Vec<[f32; 2]> + Send + Sync + use<> {
         let winds = self.clone();
         let of = |(_, swaying, place): (usize, &Swaying, usize)| -> Vec<(Swing, f64)> {
@@ -255,10 +254,8 @@ impl Winds {
             (Some((_, cell)), Some(texels)) => cell.between(texels),
             _ => [0.0; 2],
         });
-        let one = |((swing, tip), gust): (&(Swing, f64), [f64; 2])| {
-            let (way, size) = pose::held(swing.amplitude(gust), *tip);
-            way.map(|c| (c * size) as f32)
-        };
+        let one =
+            |((swing, tip), gust): (&(Swing, f64), [f64; 2])| pose::held(swing.amplitude(gust), *tip).map(|c| c as f32);
         swings.iter().zip(gusts).map(one).collect()
     }
 
