@@ -4,7 +4,6 @@
 struct Limb {
     t: vec3f,
     alpha: f32,
-    r: vec3f,
     ln_alpha: f32,
     a: vec4f,
     length: f32,
@@ -63,38 +62,40 @@ fn about(limb: Limb, x: f32, amplitude: f32) -> f32 {
     return x - amplitude * straight.x * du / ((1.0 + root) * root);
 }
 
-// The same between the beams of two marks, where the beam goes along by the cosine of its turn.
-fn between(a: vec4f, b: vec4f, x: f32) -> f32 {
-    let h = b.w - a.w;
-    let u = (x - a.w) / max(h, 1e-9);
+// The same between two marks, where the beam goes along by the cosine of its turn.
+fn between(a: Mark, b: Mark, x: f32) -> f32 {
+    let h = b.place.w - a.place.w;
+    let u = (x - a.place.w) / max(h, 1e-9);
     let v = 1.0 - u;
-    let from_a = (1.0 + 2.0 * u) * a.x + u * h * a.z;
-    let from_b = (1.0 + 2.0 * v) * b.x - v * h * b.z;
+    let from_a = (1.0 + 2.0 * u) * a.beam.x + u * h * a.beam.z;
+    let from_b = (1.0 + 2.0 * v) * b.beam.x - v * h * b.beam.z;
     return v * v * from_a + u * u * from_b;
+}
+
+// How much faster the bent beam grows with y than the straight one, at three places at once: a loop over them would be
+// slower than their formulas.
+fn faster(limb: Limb, amplitude: f32, y: vec3f) -> vec3f {
+    let a = limb.a;
+    let on = exp(y * limb.ln_alpha) * limb.ell;
+    let up = amplitude * ((((5.0 * a.w * y + 4.0 * a.z) * y + 3.0 * a.y) * y + 2.0 * a.x) * y);
+    return up * up / (sqrt(on * on + up * up) + on);
 }
 
 // Where the share x of a branch stands on its bent beam: along, across, and the cosine and sine of its turn.
 // `along` is about the first of them.
 fn bend(limb: Limb, x: f32, amplitude: f32, along: f32) -> vec4f {
-    var nodes = array<vec2f, 6>(
-        vec2f(0.033765243, 0.085662246), vec2f(0.16939531, 0.18038079), vec2f(0.38069041, 0.23395697),
-        vec2f(0.61930959, 0.23395697), vec2f(0.83060469, 0.18038079), vec2f(0.96623476, 0.085662246));
+    // Gauss' six nodes lie symmetrically.
+    let nodes = vec3f(0.033765243, 0.16939531, 0.38069041);
+    let weights = vec3f(0.085662246, 0.18038079, 0.23395697);
     let alpha = limb.alpha;
     let ln_alpha = limb.ln_alpha;
     let ell = limb.ell;
-    let a = limb.a;
     var y = coordinate(alpha, ln_alpha, clamp(along, 0.0, 1.0));
     for (var step = 0u; step < STEPS; step++) {
-        var extra = 0.0;
-        for (var n = 0u; n < 6u; n++) {
-            let v = y * nodes[n].x;
-            let on = exp(v * ln_alpha) * ell;
-            let up = amplitude * polynomial(a, v).y;
-            extra += nodes[n].y * up * up / (sqrt(on * on + up * up) + on);
-        }
+        let all = faster(limb, amplitude, y * nodes) + faster(limb, amplitude, y * (1.0 - nodes));
         let grown = exp(y * ln_alpha);
-        let speed = length(vec2f(grown * ell, amplitude * polynomial(a, y).y));
-        let change = (position(alpha, ell, y, y * ln_alpha, grown) + y * extra - x) / speed;
+        let speed = length(vec2f(grown * ell, amplitude * polynomial(limb.a, y).y));
+        let change = (position(alpha, ell, y, y * ln_alpha, grown) + y * dot(weights, all) - x) / speed;
         y = clamp(y - change, 0.0, 1.0);
         // Each step squares the error.
         if (abs(change) <= 3e-4) {
@@ -102,7 +103,7 @@ fn bend(limb: Limb, x: f32, amplitude: f32, along: f32) -> vec4f {
         }
     }
     let grown = exp(y * ln_alpha);
-    let p = polynomial(a, y);
+    let p = polynomial(limb.a, y);
     let velocity = vec2f(grown * ell, amplitude * p.y);
     return vec4f(position(alpha, ell, y, y * ln_alpha, grown), amplitude * p.x, velocity / length(velocity));
 }

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::geometry::corners;
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, RIGID, Ride};
-use crate::scene::{Poses, Scene};
+use crate::scene::{Poses, Scene, Seat};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use glam::{Mat3, Vec3};
@@ -17,7 +17,7 @@ use wgpu::BufferUsages as Use;
 const LIMB: usize = 128;
 const MARK: usize = 32;
 const BOX_AT_REST: usize = 64;
-/// The largest number of sections that one invocation seats.
+/// The largest number of sections that one invocation seats beside those on marks, of which it seats a branch's own.
 const LONGEST: usize = 8;
 /// Number of Newton steps for a place on a bent branch; few branches need more than two.
 const STEPS: u32 = 4;
@@ -146,15 +146,15 @@ impl PosePass {
             stats.pipeline(&format!("pose: {entry}"));
             Kernel::new(gpu, &module, entry, &all, count)
         };
-        let mut seated =
-            vec![(0, &limbs), (1, &pieces), (2, &seats), (6, &of_runs), (7, &marks), (8, &states), (10, sections)];
-        seated.extend(turns.as_ref().map(|turns| (4, turns)));
+        let mut carried = vec![(0, &limbs), (2, &seats), (7, &marks), (8, &states), (10, sections)];
+        carried.extend(turns.as_ref().map(|turns| (4, turns)));
+        let seated = [carried.as_slice(), &[(1, &pieces), (6, &of_runs)]].concat();
         let bent = [(0, &limbs), (1, &pieces), (3, &amplitudes), (7, &marks), (8, &states)];
         let joined = [(0, &limbs), (1, &pieces), (7, &marks), (8, &states)];
         let kernels = vec![
             of("bend_limbs", &bent, n),
             of("join_limbs", &joined, n),
-            of("carry_limbs", &[(0, &limbs), (8, &states)], n),
+            of("carry_limbs", &carried, n),
             of("seat_sections", &seated, runs.len()),
         ];
         let enclose = of("enclose_parts", &[(0, &limbs), (2, &seats), (5, &at_rest), (9, &parts), (10, sections)], n);
@@ -208,25 +208,38 @@ fn four(v: Vec3, w: f32) -> [f32; 4] {
     v.extend(w).to_array()
 }
 
-/// The sections in the order of their branches and of these branches' pieces.
+/// The mark of its branch on which a section sits: the beginning of a piece, or the tip, which comes last.
+fn mark(poses: &Poses, seat: &Seat) -> Option<u32> {
+    let [first, count] = poses.limbs[seat.limb as usize].pieces;
+    if seat.share == 1.0 {
+        return Some(count);
+    }
+    (seat.share == poses.pieces[(first + seat.piece) as usize].begin).then_some(seat.piece)
+}
+
+/// The sections in the order of their branches: first those on marks, and then those on the branch's pieces in order.
 fn order(poses: &Poses) -> Vec<u32> {
     let mut all: Vec<u32> = (0..poses.seats.len() as u32).collect();
-    all.sort_by_key(|k| (poses.seats[*k as usize].limb, poses.seats[*k as usize].piece));
+    let key = |seat: &Seat| (seat.limb, mark(poses, seat).is_none(), seat.piece);
+    all.sort_by_key(|k| key(&poses.seats[*k as usize]));
     all
 }
 
-/// Sections on one piece of a branch that follow each other in this order: the branch, the piece among all pieces, the
-/// place of the first one in the order, and their number. The longest come first, so that invocations beside each other
-/// have as much to do.
+/// Sections on a branch, and on no mark, that follow each other in this order, each on the same piece as the one before
+/// or on the next: the branch, the piece of the first one among all pieces, its place in the order, and their number.
+/// The longest come first, so that invocations beside each other have as much to do.
 fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
-    let on = |k: &u32| (poses.seats[*k as usize].limb, poses.seats[*k as usize].piece);
+    let seat = |k: &u32| &poses.seats[*k as usize];
+    let marked = |k: &u32| mark(poses, seat(k)).is_some();
+    let near = |a: &u32, b: &u32| seat(a).limb == seat(b).limb && seat(b).piece.wrapping_sub(seat(a).piece) <= 1;
     let mut all = Vec::new();
     let mut first = 0;
-    for same in order.chunk_by(|a, b| on(a) == on(b)) {
-        let (limb, piece) = on(&same[0]);
-        let piece = poses.limbs[limb as usize].pieces[0] + piece;
-        for run in same.chunks(LONGEST) {
-            all.push([limb, piece, first, run.len() as u32]);
+    for some in order.chunk_by(|a, b| marked(a) == marked(b) && near(a, b)) {
+        for run in some.chunks(LONGEST) {
+            let Seat { limb, piece, .. } = *seat(&run[0]);
+            if !marked(&run[0]) {
+                all.push([limb, poses.limbs[limb as usize].pieces[0] + piece, first, run.len() as u32]);
+            }
             first += run.len() as u32;
         }
     }
@@ -235,22 +248,24 @@ fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
 }
 
 fn limbs(poses: &Poses, order: &[u32]) -> Vec<[[f32; 4]; 8]> {
-    let begin = |limb: usize| order.partition_point(|k| (poses.seats[*k as usize].limb as usize) < limb) as u32;
+    let seat = |k: &u32| &poses.seats[*k as usize];
+    let begin = |limb: usize| order.partition_point(|k| (seat(k).limb as usize) < limb);
     let one = |(k, limb): (usize, &crate::scene::Limb)| {
         let [alpha, ln_alpha, ell] = limb.taper;
         let parent = limb.parent.map_or(-1, |p| p as i32) as u32;
         let [piece, pieces] = limb.pieces;
         let below = limb.parent.map_or(0, |p| poses.limbs[p as usize].pieces[0]) + limb.at.1;
-        let seat = begin(k);
+        let own = &order[begin(k)..begin(k + 1)];
+        let on_marks = own.partition_point(|k| mark(poses, seat(k)).is_some());
         [
             four(limb.axes[0], alpha),
-            four(limb.axes[1], ln_alpha),
+            four(limb.axes[1], 0.0),
             limb.coefficients,
-            [limb.length, ell, limb.at.0, 0.0],
+            [limb.length, ell, limb.at.0, ln_alpha],
             four(limb.root, 0.0),
             four(limb.offset, 0.0),
             [parent, below, piece, pieces].map(bits),
-            [seat, begin(k + 1) - seat, 0, 0].map(bits),
+            [begin(k), own.len(), on_marks, 0].map(|n| bits(n as u32)),
         ]
     };
     poses.limbs.iter().enumerate().map(one).collect()
@@ -261,13 +276,13 @@ fn pieces(poses: &Poses) -> Vec<[[f32; 4]; 2]> {
 }
 
 /// Where sections sit. Without anything that hangs beside an axis or turns, there is no more to read of a section than
-/// its share and its number.
+/// its share, or its mark, and its number.
 fn seats(poses: &Poses, order: &[u32], hangs: bool) -> Vec<f32> {
     let one = |section: &u32| {
         let seat = &poses.seats[*section as usize];
-        let share = [seat.share, bits(*section)];
-        let beside = [four(seat.offset, seat.share), four(seat.axis, bits(*section))];
-        if hangs { beside.as_flattened().to_vec() } else { share.to_vec() }
+        let place = mark(poses, seat).map_or(seat.share, bits);
+        let beside = [four(seat.offset, place), four(seat.axis, bits(*section))];
+        if hangs { beside.as_flattened().to_vec() } else { vec![place, bits(*section)] }
     };
     order.iter().flat_map(one).collect()
 }

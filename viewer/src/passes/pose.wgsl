@@ -1,8 +1,8 @@
 // Poses the branches of plants once a frame, in single precision, as `src/flora/pose` does on the CPU in double
 // precision. Four passes follow each other: every branch bends in its own frame; joints sit on their parents; bases are
-// carried along the hierarchy; sections follow their branches. A fifth puts boxes around what branches carry, where
-// shadow maps need them. The vertex stage only looks sections up. `rigid.wgsl` and `beam.wgsl` stand before this
-// file.
+// carried along the hierarchy, and with them the sections where pieces begin; the other sections follow their branches.
+// A fifth puts boxes around what branches carry, where shadow maps need them. The vertex stage only looks sections up.
+// `rigid.wgsl` and `beam.wgsl` stand before this file.
 //
 // Places on a branch are counted from its root at rest, so that they keep their digits far from the scene's origin.
 // What several sections need of their branch is read once for all of them, in rows of four numbers: a software adapter
@@ -10,19 +10,19 @@
 
 // A branch as it is stored.
 struct Stored {
-    // t and α, and r and ln α.
+    // t and α, and r.
     t: vec4f,
     r: vec4f,
     // The coefficients of the deflection.
     a: vec4f,
-    // The length, ln α/(α − 1), and the share of the parent's axis where the branch grows.
+    // The length, ln α/(α − 1), the share of the parent's axis where the branch grows, and ln α.
     sizes: vec4f,
     root: vec4f,
     // The root from the place on the parent's axis where the branch grows, at rest.
     offset: vec4f,
     // The parent (−1 for none), the piece of the parent there, the first own piece, and the number of own pieces.
     pieces: vec4i,
-    // The first of its seats, and their number.
+    // The first of its seats, their number, and how many of them, the first ones, are on marks.
     seats: vec4u,
 }
 
@@ -34,8 +34,9 @@ struct Piece {
 
 // The beginning of a piece on the bent branch, or its tip.
 struct Mark {
+    // The place, and the share.
     place: vec4f,
-    // The places along and across the bent beam, the cosine of the beam's turn there, and the share.
+    // The places along and across the bent beam, and the cosine and sine of the beam's turn there.
     beam: vec4f,
 }
 
@@ -48,7 +49,8 @@ struct State {
     // The base: where the root is in the scene, and how the branch has turned there.
     base_to: vec3f,
     base_turn: vec4f,
-    amplitude: vec2f,
+    // The unit vector across the branch towards which it bends, at rest, and the amplitude.
+    bends: vec4f,
 }
 
 // Where a section sits on its branch.
@@ -58,8 +60,8 @@ struct Seat {
     offset: vec3f,
     axis: vec3f,
     //#endif
-    // Along the branch: 0 at the root, 1 at the tip.
-    share: f32,
+    // The bits of the share: 0 at the root, 1 at the tip. For a seat on a mark, the number of the mark on the branch.
+    place: u32,
     // The number of the section that sits there.
     section: u32,
 }
@@ -83,12 +85,12 @@ struct Box {
 
 @group(0) @binding(0) var<storage, read> limbs: array<Stored>;
 @group(0) @binding(1) var<storage, read> pieces: array<Piece>;
-// The seats of each branch follow each other, those of each of its pieces too.
+// The seats of each branch follow each other: first those on marks, then the others in the order of its pieces.
 //#if HANGS
-// The bits of offset and share, and of axis and section.
+// The bits of offset and place, and of axis and section.
 @group(0) @binding(2) var<storage, read> seats: array<array<vec4u, 2>>;
 //#else
-// The bits of the share, and the section.
+// The place, and the section.
 @group(0) @binding(2) var<storage, read> seats: array<vec2u>;
 //#endif
 @group(0) @binding(3) var<storage, read> amplitudes: array<vec2f>;
@@ -96,7 +98,8 @@ struct Box {
 @group(0) @binding(4) var<storage, read> turns: array<f32>;
 // The boxes around what the section of each seat carries at rest.
 @group(0) @binding(5) var<storage, read> at_rest: array<Oriented>;
-// Seats on one piece of a branch that follow each other: the branch, the piece, the first seat, and their number.
+// Seats on a branch that follow each other, each on the same piece as the one before or on the next: the branch, the
+// piece of the first seat, the first seat, and their number.
 @group(0) @binding(6) var<storage, read> runs: array<vec4u>;
 // Those of branch k begin at its first piece plus k: one for each piece, and one for the tip.
 @group(0) @binding(7) var<storage, read_write> marks: array<Mark>;
@@ -110,19 +113,18 @@ const NOWHERE = 1e30;
 
 fn limb_of(k: u32) -> Limb {
     let t = limbs[k].t;
-    let r = limbs[k].r;
     let sizes = limbs[k].sizes;
-    return Limb(t.xyz, t.w, r.xyz, r.w, limbs[k].a, sizes.x, sizes.y);
+    return Limb(t.xyz, t.w, sizes.w, limbs[k].a, sizes.x, sizes.y);
 }
 
 fn seat_of(n: u32) -> Seat {
     //#if HANGS
     let offset = seats[n][0];
     let axis = seats[n][1];
-    return Seat(bitcast<vec3f>(offset.xyz), bitcast<vec3f>(axis.xyz), bitcast<f32>(offset.w), axis.w);
+    return Seat(bitcast<vec3f>(offset.xyz), bitcast<vec3f>(axis.xyz), offset.w, axis.w);
     //#else
     let seat = seats[n];
-    return Seat(bitcast<f32>(seat.x), seat.y);
+    return Seat(seat.x, seat.y);
     //#endif
 }
 
@@ -140,9 +142,10 @@ fn gone(limb: Limb, way: vec3f, begin: f32, x: f32, e: vec3f, earlier: vec2f, la
     return limb.length * (within + dot(way, b) * (x - begin) * b);
 }
 
-fn direction(limb: Limb, amplitude: vec2f) -> vec3f {
-    let size = length(amplitude);
-    return select(limb.r, (amplitude.x * limb.r + amplitude.y * cross(limb.t, limb.r)) / size, size > 0.0);
+// The turn of a cross-section in the plane of t and e, towards which the branch bends.
+fn turned(limb: Limb, e: vec3f, bent: vec4f) -> vec4f {
+    let cosine = sqrt(0.5 + 0.5 * bent.z);
+    return vec4f(cross(limb.t, e) * (0.5 * bent.w / cosine), cosine);
 }
 
 @compute @workgroup_size(64)
@@ -152,27 +155,27 @@ fn bend_limbs(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let amplitude = amplitudes[k];
-    states[k].amplitude = amplitude;
     let size = length(amplitude);
     let limb = limb_of(k);
+    let r = limbs[k].r.xyz;
+    let e = select(r, (amplitude.x / size) * r + (amplitude.y / size) * cross(limb.t, r), size > 0.0);
+    states[k].bends = vec4f(e, size);
     let own = vec2u(limbs[k].pieces.zw);
-    let e = direction(limb, amplitude);
     var piece = pieces[own.x];
-    var place = piece.begin.xyz;
-    var before = vec2f(0.0);
-    for (var n = 0u; n <= own.y; n++) {
+    var mark = Mark(vec4f(piece.begin.xyz, 0.0), vec4f(0.0, 0.0, 1.0, 0.0));
+    marks[own.x + k] = mark;
+    for (var n = 1u; n <= own.y; n++) {
         let next = pieces[own.x + min(n, own.y - 1u)];
         let x = select(1.0, next.begin.w, n < own.y);
         let beam = bent(limb, x, size, about(limb, x, size));
-        if (n > 0u) {
-            place += gone(limb, piece.way.xyz, piece.begin.w, x, e, before, beam.xy);
-        }
+        var place = mark.place.xyz + gone(limb, piece.way.xyz, mark.place.w, x, e, mark.beam.xy, beam.xy);
         if (size == 0.0) {
-            place = next.begin.xyz;
+            let end = piece.begin.xyz + piece.way.xyz * ((x - piece.begin.w) * limb.length);
+            place = select(end, next.begin.xyz, n < own.y);
         }
         piece = next;
-        before = beam.xy;
-        marks[own.x + k + n] = Mark(vec4f(place, 0.0), vec4f(beam.xyz, x));
+        mark = Mark(vec4f(place, x), beam);
+        marks[own.x + k + n] = mark;
     }
 }
 
@@ -180,36 +183,33 @@ fn bend_limbs(@builtin(global_invocation_id) id: vec3u) {
 struct On {
     limb: Limb,
     way: vec3f,
-    place: vec3f,
-    begin: vec4f,
-    end: vec4f,
-    amplitude: vec2f,
+    begin: Mark,
+    end: Mark,
+    bends: vec4f,
 }
 
 fn on_piece(k: u32, piece: u32) -> On {
     let mark = piece + k;
-    return On(limb_of(k), pieces[piece].way.xyz, marks[mark].place.xyz, marks[mark].beam, marks[mark + 1u].beam,
-        states[k].amplitude);
+    return On(limb_of(k), pieces[piece].way.xyz, marks[mark], marks[mark + 1u], states[k].bends);
 }
 
 // The cross-section at the share x of a branch, from its root and before the base moves it.
 fn own(on: On, x: f32) -> Rigid {
     let limb = on.limb;
-    let size = length(on.amplitude);
+    let size = on.bends.w;
+    let begin = on.begin.place.w;
     if (size == 0.0) {
-        return Rigid(on.place + on.way * ((x - on.begin.w) * limb.length), REST);
+        return Rigid(on.begin.place.xyz + on.way * ((x - begin) * limb.length), REST);
     }
-    let e = direction(limb, on.amplitude);
+    let e = on.bends.xyz;
     //#if CLOSED_FORM
     let along = about(limb, x, size);
     //#else
     let along = between(on.begin, on.end, x);
     //#endif
     let bent = bend(limb, x, size, along);
-    let to = on.place + gone(limb, on.way, on.begin.w, x, e, on.begin.xy, bent.xy);
-    // Half the turn in the plane of t and e.
-    let cosine = sqrt(0.5 + 0.5 * bent.z);
-    return Rigid(to, vec4f(cross(limb.t, e) * (0.5 * bent.w / cosine), cosine));
+    let to = on.begin.place.xyz + gone(limb, on.way, begin, x, e, on.begin.beam.xy, bent.xy);
+    return Rigid(to, turned(limb, e, bent));
 }
 
 // The root of every branch on its parent, before the parent's base moves it.
@@ -225,6 +225,19 @@ fn join_limbs(@builtin(global_invocation_id) id: vec3u) {
         states[k].to = joint.to + rotate(joint.turn, limbs[k].offset.xyz);
         states[k].turn = joint.turn;
     }
+}
+
+// Writes the section of a seat whose cross-section moves so before the base moves it.
+fn seated(base: Rigid, moved: Rigid, seat: Seat) {
+    var from_base = moved.to;
+    var turn = after(base.turn, moved.turn);
+    //#if HANGS
+    from_base += rotate(moved.turn, seat.offset);
+    let half_turn = 0.5 * turns[seat.section];
+    turn = after(turn, vec4f(seat.axis * sin(half_turn), cos(half_turn)));
+    //#endif
+    sections[seat.section][0] = vec4f(base.to + rotate(base.turn, from_base), 0.0);
+    sections[seat.section][1] = turn;
 }
 
 // The base of every branch, from the roots of all its ancestors.
@@ -243,32 +256,39 @@ fn carry_limbs(@builtin(global_invocation_id) id: vec3u) {
         turn = after(own_turn, turn);
         at = u32(parent);
     }
-    states[k].base_to = limbs[at].root.xyz + to;
-    states[k].base_turn = turn;
+    let base = Rigid(limbs[at].root.xyz + to, turn);
+    states[k].base_to = base.to;
+    states[k].base_turn = base.turn;
+    // The sections on marks need nothing that is not known.
+    let seats = limbs[k].seats;
+    let first_mark = u32(limbs[k].pieces.z) + k;
+    let limb = limb_of(k);
+    let e = states[k].bends.xyz;
+    for (var n = seats.x; n < seats.x + seats.z; n++) {
+        let seat = seat_of(n);
+        let mark = first_mark + seat.place;
+        seated(base, Rigid(marks[mark].place.xyz, turned(limb, e, marks[mark].beam)), seat);
+    }
 }
 
-// The motion of every section.
+// The motion of every other section.
 @compute @workgroup_size(64)
 fn seat_sections(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= arrayLength(&runs)) {
         return;
     }
     let run = runs[id.x];
-    let on = on_piece(run.x, run.y);
-    let base_to = states[run.x].base_to;
-    let base_turn = states[run.x].base_turn;
+    var piece = run.y;
+    var on = on_piece(run.x, piece);
+    let base = Rigid(states[run.x].base_to, states[run.x].base_turn);
     for (var n = run.z; n < run.z + run.w; n++) {
         let seat = seat_of(n);
-        let moved = own(on, seat.share);
-        var from_base = moved.to;
-        var turn = after(base_turn, moved.turn);
-        //#if HANGS
-        from_base += rotate(moved.turn, seat.offset);
-        let half_turn = 0.5 * turns[seat.section];
-        turn = after(turn, vec4f(seat.axis * sin(half_turn), cos(half_turn)));
-        //#endif
-        sections[seat.section][0] = vec4f(base_to + rotate(base_turn, from_base), 0.0);
-        sections[seat.section][1] = turn;
+        let share = bitcast<f32>(seat.place);
+        if (share > on.end.place.w && on.end.place.w < 1.0) {
+            piece++;
+            on = On(on.limb, pieces[piece].way.xyz, on.end, marks[piece + run.x + 1u], on.bends);
+        }
+        seated(base, own(on, share), seat);
     }
 }
 

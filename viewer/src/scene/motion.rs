@@ -67,7 +67,7 @@ pub struct Limb {
     pub at: (f32, u32),
     /// Its root from that place.
     pub offset: Vec3,
-    /// Its first piece among all pieces, and their number, which is at least 1.
+    /// Its first piece among all pieces, and their number, which is at least 1. The first begins at 0.
     pub pieces: [u32; 2],
 }
 
@@ -89,7 +89,7 @@ pub struct Seat {
     pub limb: u32,
     /// 0 at the root, 1 at the tip.
     pub share: f32,
-    /// The piece of the branch at that share.
+    /// The piece of the branch at that share, which lies between the piece's beginning and its end.
     pub piece: u32,
     /// The point whose place the section states ([`Section::from`]).
     pub from: Vec3,

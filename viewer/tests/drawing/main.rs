@@ -12,6 +12,7 @@ mod follow;
 mod motion;
 mod needs;
 mod place;
+mod pose;
 mod radiance;
 mod reference;
 mod shadow;

@@ -1,0 +1,129 @@
+//! Branches that the adapter poses: sections where pieces of an axis meet, sections between, and what grows on them.
+
+use crate::common::*;
+use glam::{Mat4, Quat, Vec3};
+use mesophyll_viewer::scene::{Carried, Instance, Limb, Piece, Poses, Scene, Seat, Section, Sections, Wind};
+use std::sync::Arc;
+
+const LENGTH: f32 = 20.0;
+/// Where the pieces of the branch begin, and their directions.
+const PIECES: [(f32, Vec3); 3] = [(0.0, Vec3::X), (0.3, Vec3::new(0.8, 0.6, 0.0)), (0.65, Vec3::new(0.6, 0.0, 0.8))];
+/// Shares with a section: where pieces begin and at the tip, and as good as there, before and behind.
+const SHARES: [f32; 10] = [0.0, 1e-5, 0.29999, 0.3, 0.30001, 0.64999, 0.65, 0.65001, 0.99999, 1.0];
+/// Numbers of sections that are as good as at one place.
+const BESIDE: [[usize; 2]; 6] = [[0, 1], [3, 2], [3, 4], [6, 5], [6, 7], [9, 8]];
+/// Where a straight branch grows, as long as the first.
+const JOINT: f32 = 0.5;
+
+/// The place at a share of the axis at rest, and its piece.
+fn at(share: f32) -> (Vec3, u32) {
+    let piece = PIECES.iter().rposition(|(begin, _)| *begin <= share).unwrap_or(0);
+    let mut place = Vec3::ZERO;
+    for k in 0..piece {
+        place += LENGTH * (PIECES[k + 1].0 - PIECES[k].0) * PIECES[k].1;
+    }
+    (place + LENGTH * (share - PIECES[piece].0) * PIECES[piece].1, piece as u32)
+}
+
+/// A small leaf on each of these sections, then one where the second branch grows, one on its root and one on its tip.
+/// With `hangs`, each leaf hangs beside the axis and turns by itself.
+fn scene(hangs: bool, closed_form: bool) -> Scene {
+    let mut scene = scene_of(uniform_leaf());
+    let limb = |root, along, parent, at, pieces| Limb {
+        root,
+        axes: [along, Vec3::Z],
+        length: LENGTH,
+        taper: [0.5, 0.5f32.ln(), 2.0 * 2f32.ln()],
+        coefficients: [0.5, -0.1, 0.02, 0.01],
+        parent,
+        at,
+        offset: Vec3::ZERO,
+        pieces,
+    };
+    let (joint, below) = at(JOINT);
+    let begin = |k: usize| at(PIECES[k].0).0;
+    let mut pieces: Vec<Piece> =
+        (0..3).map(|k| Piece { begin: PIECES[k].0, place: begin(k), way: PIECES[k].1 }).collect();
+    pieces.push(Piece { begin: 0.0, place: Vec3::ZERO, way: Vec3::Y });
+    let offset = if hangs { Vec3::new(0.0, 0.5, 1.0) } else { Vec3::ZERO };
+    let seat =
+        |limb, share, (on, piece): (Vec3, u32)| Seat { limb, share, piece, from: on + offset, offset, axis: Vec3::X };
+    let mut seats: Vec<Seat> = SHARES.iter().chain([&JOINT]).map(|share| seat(0, *share, at(*share))).collect();
+    seats.push(seat(1, 0.0, (joint, 0)));
+    seats.push(seat(1, 1.0, (joint + LENGTH * Vec3::Y, 0)));
+    let points: Vec<Vec3> = seats.iter().map(|s| s.from).collect();
+    scene.instances = (0..seats.len())
+        .map(|k| Instance {
+            transform: Mat4::from_scale_rotation_translation(Vec3::splat(0.05), Quat::IDENTITY, points[k]),
+            carried: Some(Carried { first: k as u32, vertices: None }),
+            ..scene.instances[0]
+        })
+        .collect();
+    let count = points.len();
+    let poses = Poses {
+        limbs: vec![
+            limb(Vec3::ZERO, Vec3::X, None, (0.0, 0), [0, 3]),
+            limb(joint, Vec3::Y, Some(0), (JOINT, below), [3, 1]),
+        ],
+        pieces,
+        seats,
+        closed_form,
+        amplitudes: Arc::new(|time| vec![[0.3 * time as f32, 0.4 * time as f32]; 2]),
+        turns: hangs.then(|| Arc::new(move |time: f64| vec![0.2 * time as f32; count]) as _),
+    };
+    scene.sections = Some(Sections {
+        count,
+        of_vertices: Arc::new(Vec::new()),
+        turn_normals: true,
+        poses: Some(Arc::new(poses)),
+        at: Arc::new(move |_| points.iter().map(|p| Section { from: *p, to: *p, turn: Quat::IDENTITY }).collect()),
+    });
+    scene.wind = Some(Wind { time_s: 0.0 });
+    scene
+}
+
+/// Where the vertices of each leaf of a scene are, at rest and at a time.
+fn places(scene: &Scene, time_s: f64) -> Option<Vec<Vec<[Vec3; 2]>>> {
+    let mut renderer = renderer()?;
+    renderer.set_scene(scene).expect("scene");
+    renderer.set_time(&Wind { time_s });
+    let of = |k: usize| {
+        let (rest, now) = (&scene.instances[k], renderer.bent_vertices(scene, k).expect("vertices"));
+        let mesh = &scene.meshes[rest.mesh].positions;
+        let both: Vec<[Vec3; 2]> =
+            mesh.iter().zip(now).map(|(p, [q, ..])| [rest.transform.transform_point3(*p), q]).collect();
+        assert!(!both.is_empty() && both.iter().all(|[_, now]| now.is_finite()), "leaf {k}: {both:?}");
+        both
+    };
+    Some((0..scene.instances.len()).map(of).collect())
+}
+
+#[test]
+fn a_calm_moves_nothing() {
+    for [hangs, closed_form] in [[false, false], [true, false], [false, true]] {
+        let Some(leaves) = places(&scene(hangs, closed_form), 0.0) else { return };
+        for (k, leaf) in leaves.iter().enumerate() {
+            leaf.iter().for_each(|[rest, now]| assert!(rest.distance(*now) < 1e-5, "leaf {k}: {rest} {now}"));
+        }
+    }
+}
+
+#[test]
+fn sections_where_pieces_meet_are_those_beside_them() {
+    for [hangs, closed_form] in [[false, false], [true, false], [false, true]] {
+        let Some(leaves) = places(&scene(hangs, closed_form), 2.0) else { return };
+        let moved = |k: usize| leaves[k].iter().map(|[rest, now]| *now - *rest).collect::<Vec<Vec3>>();
+        let apart = |a: usize, b: usize| moved(a).iter().zip(moved(b)).map(|(a, b)| a.distance(b)).fold(0.0, f32::max);
+        let tip = moved(9)[0].length();
+        assert!(tip > 0.1 * LENGTH, "the tip moves by {tip}");
+        for [at, beside] in BESIDE {
+            let off = apart(at, beside);
+            assert!(off < 2e-4 * LENGTH, "{} and {}: {off}", SHARES[at], SHARES[beside]);
+        }
+        // What grows on a branch moves as the branch does there.
+        let (joint, root) = (SHARES.len(), SHARES.len() + 1);
+        assert!(apart(joint, root) < 2e-5 * LENGTH, "{}", apart(joint, root));
+        // Its own tip bends besides.
+        assert!(apart(root, root + 1) > 0.05 * LENGTH, "{}", apart(root, root + 1));
+    }
+}
