@@ -31,6 +31,8 @@ pub(crate) struct Levels {
     begins: Vec<[u32; 2]>,
     /// Whether nothing moves the instance away from its ball.
     still: Vec<bool>,
+    /// Balls that hold what moves, however it moves; none where they are not known.
+    reach: Vec<(Vec3, f32)>,
     /// The rank of each instance, where fewer and larger leaves may be drawn at a distance.
     ranks: Vec<f32>,
     chosen: Vec<u8>,
@@ -70,12 +72,13 @@ pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
 }
 
 impl Levels {
-    /// With `leaves`, fewer and larger instances may be drawn at a distance. `in_full`, all are drawn at their finest
-    /// level.
+    /// `reach` is a list of balls that hold all instances, however they move, if it is known. With `leaves`, fewer and
+    /// larger instances may be drawn at a distance. `in_full`, all are drawn at their finest level.
     pub(crate) fn new(
         mesh: &Mesh,
         instances: &[Instance],
         (rows, rides, begins): (Vec<[[f32; 4]; 3]>, Vec<Carrier>, Vec<[u32; 2]>),
+        reach: Vec<(Vec3, f32)>,
         leaves: bool,
         in_full: bool,
     ) -> Levels {
@@ -100,6 +103,7 @@ impl Levels {
             rides,
             begins,
             still: instances.iter().map(|i| i.carried.is_none()).collect(),
+            reach,
             ranks: if leaves && n >= MANY && !in_full { ranks(n) } else { Vec::new() },
             chosen: vec![0; n],
             sizes: vec![1.0; n],
@@ -245,13 +249,11 @@ impl Levels {
         rides: Option<&wgpu::Buffer>,
         begins: Option<&wgpu::Buffer>,
     ) {
-        if self.levels.len() == 1 && self.spheres.len() == 1 {
-            return;
-        }
+        let away = !self.reach.is_empty() && !self.reach.iter().any(|(centre, radius)| seen.shows(*centre, *radius));
         let size = |(k, (centre, radius, _)): (usize, &(Vec3, f32, f32))| {
             let size = self.ranks.get(k).map_or(1.0, |rank| seen.enlarged(*rank, *centre, *radius));
             let (centre, radius) = self.ball(k, size);
-            if self.still[k] && !seen.shows(centre, radius) { 0.0 } else { size }
+            if away || (self.still[k] && !seen.shows(centre, radius)) { 0.0 } else { size }
         };
         let sizes: Vec<f32> = self.spheres.iter().enumerate().map(size).collect();
         let choose = |(k, ((_, _, scale), size)): (usize, (&(Vec3, f32, f32), &f32))| {

@@ -49,7 +49,10 @@ impl Extents {
             points: points.into_iter().map(|(one, _)| one).collect(),
             casters,
             sections: scene.sections.clone(),
-            reach: poses.map(|poses| pose::reach(scene, poses)),
+            reach: poses.map(|poses| {
+                let all = poses.limbs.iter().zip(pose::reach(scene, poses));
+                all.filter(|(limb, _)| limb.parent.is_none()).map(|(_, ball)| ball).collect()
+            }),
         }
     }
 

@@ -7,6 +7,7 @@ use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
+use crate::passes::pose;
 use crate::scene::{Instance, Mesh, Scene};
 use crate::stats::Stats;
 use crate::thin::Seen;
@@ -109,6 +110,9 @@ impl Batch {
     /// Uploads everything that stands in the scene, ordered by material and then by mesh. `points` are those of all
     /// sections at rest.
     pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut Stats) -> Vec<Batch> {
+        // Lengths that are kept in closed form alone may grow, and a branch may then come out of its ball.
+        let poses = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).filter(|p| !p.closed_form);
+        let reach = poses.map_or_else(Vec::new, |poses| pose::reach(scene, poses));
         let mut together: BTreeMap<(usize, usize, Option<usize>), Vec<Instance>> = BTreeMap::new();
         for (k, instance) in scene.instances.iter().enumerate() {
             if !scene.meshes[instance.mesh].indices.is_empty() {
@@ -125,6 +129,9 @@ impl Batch {
                 put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::STORAGE | Use::COPY_DST, stats)
             };
             let ride = bend::kind(scene, &instances);
+            let limbs = alone.filter(|_| !reach.is_empty()).and_then(|k| bend::branches(scene, &scene.instances[k]));
+            let mut trunks: Vec<(Vec3, f32)> = limbs.into_iter().flatten().map(|limb| reach[limb]).collect();
+            trunks.dedup();
             Some(Batch {
                 mesh,
                 material,
@@ -142,6 +149,7 @@ impl Batch {
                     &scene.meshes[mesh],
                     &instances,
                     (rows, rides, begins),
+                    trunks,
                     variant.leaf().is_some(),
                     scene.in_full,
                 ),

@@ -9,6 +9,9 @@ use glam::Vec3;
 /// Leaves whose ball has at least this diameter in the picture (pixels) are all drawn. The ball's diameter is the
 /// leaf's longest extent.
 pub(crate) const WIDE: f32 = 1.5;
+/// The least share of the leaves that is drawn, however far away they are: none is drawn more than 3.7 times as large.
+/// Still larger leaves would reach out of the crown. It would then cover more than it does, and have more light.
+pub(crate) const FEWEST: f32 = 1.0 / 12.0;
 /// If there are fewer leaves than this of one mesh and material, all are drawn.
 pub(crate) const MANY: usize = 64;
 /// The last of the drawn leaves shrink to nothing over this share of all drawn ones, so that none vanishes suddenly.
@@ -74,7 +77,7 @@ impl Seen {
 /// The factor by which a leaf with this rank is drawn larger if its ball is `wide` pixels or texels across; 0 where it
 /// is left out.
 pub(crate) fn enlarged(wide: f32, rank: f32) -> f32 {
-    let kept = (wide / WIDE).powi(2);
+    let kept = (wide / WIDE).powi(2).max(FEWEST);
     if kept >= 1.0 {
         return 1.0;
     }
@@ -140,7 +143,7 @@ mod tests {
             let sizes: Vec<f32> = ranks(n).into_iter().map(|r| seen.enlarged(r, Vec3::X * distance, 30.0)).collect();
             let area = sizes.iter().map(|s| f64::from(*s).powi(2)).sum::<f64>() / n as f64;
             let drawn = sizes.iter().filter(|s| **s > 0.0).count() as f32 / n as f32;
-            let wanted = (60.0 / (seen.pixel * distance) / WIDE).powi(2).min(1.0);
+            let wanted = (60.0 / (seen.pixel * distance) / WIDE).powi(2).clamp(FEWEST, 1.0);
             assert!((area - 1.0).abs() < 0.02, "{distance}: {area}");
             assert!((drawn / wanted - 1.0).abs() < 0.03, "{distance}: {drawn} {wanted}");
             // Leaves that are a golden angle apart stay evenly around their twig.

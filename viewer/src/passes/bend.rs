@@ -9,6 +9,7 @@ use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Quat, Vec3};
+use std::collections::BTreeSet;
 
 /// WGSL of rigid motions, and of the bend with it, which is put in front of a pass's own source.
 pub(crate) const RIGID: &str = include_str!("rigid.wgsl");
@@ -54,6 +55,15 @@ pub(crate) fn kind(scene: &Scene, instances: &[Instance]) -> Option<Ride> {
 /// Whether the vertices of an instance have sections of their own.
 pub(crate) fn alone(scene: &Scene, instance: &Instance) -> bool {
     scene.sections.is_some() && instance.carried.is_some_and(|c| c.vertices.is_some())
+}
+
+/// The branches that carry the vertices of an instance, where these have sections of their own and the scene says how
+/// branches bend.
+pub(crate) fn branches(scene: &Scene, instance: &Instance) -> Option<BTreeSet<usize>> {
+    let (by, sections) = (instance.carried?, scene.sections.as_ref()?);
+    let (first, poses) = (by.vertices? as usize, sections.poses.as_ref()?);
+    let own = &sections.of_vertices[first..][..scene.meshes[instance.mesh].positions.len()];
+    Some(own.iter().map(|k| poses.seats[(by.first + k) as usize].limb as usize).collect())
 }
 
 /// Whether a section carries any of these instances.

@@ -11,7 +11,7 @@ use crate::passes::main::Frame;
 use crate::passes::place::{self, WIDE};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
-use crate::thin::{FADE, MANY, Seen};
+use crate::thin::{FADE, FEWEST, MANY, Seen};
 use std::collections::HashMap;
 use wgpu::BufferUsages as Use;
 
@@ -82,7 +82,10 @@ impl ChoosePass {
             let defines = bend::defines(Defines::default(), moves.then_some(Ride::Instances), 0)
                 .constant("LEVELS", LEVELS as u32)
                 .set("BEGINS", begins);
-            let numbers = format!("const WIDE: f32 = {:?};\nconst FADE: f32 = {FADE:?};\n", crate::thin::WIDE);
+            let numbers = format!(
+                "const WIDE: f32 = {:?};\nconst FADE: f32 = {FADE:?};\nconst FEWEST: f32 = {FEWEST:?};\n",
+                crate::thin::WIDE
+            );
             let source = assemble(&[RIGID, include_str!("choose.wgsl")].concat(), &defines);
             let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some("choose"),

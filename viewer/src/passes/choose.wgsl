@@ -70,7 +70,7 @@ fn shows(centre: vec3f, radius: f32) -> bool {
 
 // `thin::enlarged`.
 fn enlarged(wide: f32, rank: f32) -> f32 {
-    let kept = (wide / WIDE) * (wide / WIDE);
+    let kept = max((wide / WIDE) * (wide / WIDE), FEWEST);
     if (kept >= 1.0) {
         return 1.0;
     }

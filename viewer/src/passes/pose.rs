@@ -338,8 +338,8 @@ fn boxes(scene: &Scene, poses: &Poses) -> Vec<Option<Oriented>> {
     found.into_iter().map(oriented).collect()
 }
 
-/// Balls that hold everything that is carried, however branches bend: around the root of each trunk, as far as all
-/// lengths from there to a leaf's or a vertex' farthest corner.
+/// For each branch the ball that holds everything on its trunk, however branches bend: around the trunk's root, as far
+/// as all lengths from there to a leaf's or a vertex' farthest corner.
 pub(crate) fn reach(scene: &Scene, poses: &Poses) -> Vec<(Vec3, f32)> {
     let mut of_limbs: Vec<(usize, f32)> = Vec::with_capacity(poses.limbs.len());
     for (k, limb) in poses.limbs.iter().enumerate() {
@@ -356,8 +356,7 @@ pub(crate) fn reach(scene: &Scene, poses: &Poses) -> Vec<(Vec3, f32)> {
         let beyond = centre.distance(seat.from) + half.iter().map(|h| h.length()).sum::<f32>();
         radii[trunk] = radii[trunk].max(before + along + beyond);
     }
-    let trunk = |(k, limb): (usize, &crate::scene::Limb)| limb.parent.is_none().then(|| (limb.root, radii[k]));
-    poses.limbs.iter().enumerate().filter_map(trunk).collect()
+    of_limbs.iter().map(|(trunk, _)| (poses.limbs[*trunk].root, radii[*trunk])).collect()
 }
 
 #[cfg(test)]

@@ -46,8 +46,8 @@ impl Renderer {
         let guard = Guard::new(&self.gpu);
         let gpu = &self.gpu;
         // The same instances are drawn, at the same sizes, as in the picture, except that the CPU chooses. It does not
-        // know where a wind has moved a leaf. So it chooses by where the leaf is at rest, and culls only what stands
-        // still.
+        // know where a wind has moved a leaf. So it chooses by where the leaf is at rest, and culls no leaf that
+        // moves.
         let seen = Seen::new(camera, [width, height], true);
         for batch in &mut loaded.batches {
             batch.arrange(gpu, &seen);

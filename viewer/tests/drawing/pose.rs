@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
-use mesophyll_viewer::scene::{Carried, Instance, Limb, Piece, Poses, Scene, Seat, Section, Sections, Wind};
+use mesophyll_viewer::scene::{Camera, Carried, Instance, Limb, Piece, Poses, Scene, Seat, Section, Sections, Wind};
 use std::sync::Arc;
 
 const LENGTH: f32 = 20.0;
@@ -126,4 +126,42 @@ fn sections_where_pieces_meet_are_those_beside_them() {
         // Its own tip bends besides.
         assert!(apart(root, root + 1) > 0.05 * LENGTH, "{}", apart(root, root + 1));
     }
+}
+
+/// Bark is only left out where it never comes: not where a bent branch is seen and its place at rest is not.
+#[test]
+fn bark_is_drawn_wherever_it_may_come() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = scene(false, false);
+    // What hung on the tip of the first branch is bark there, with a section for each of its vertices.
+    let sections = scene.sections.as_mut().expect("sections");
+    let bark = scene.instances.remove(9);
+    let vertices = scene.meshes[bark.mesh].positions.len();
+    sections.of_vertices = Arc::new(vec![0; vertices]);
+    scene.instances = vec![Instance { carried: Some(Carried { first: 9, vertices: Some(0) }), ..bark }];
+    renderer.set_scene(&scene).expect("scene");
+    let now = 2.0;
+    renderer.set_time(&Wind { time_s: now });
+    let bent: Vec<Vec3> = renderer.bent_vertices(&scene, 0).expect("vertices").iter().map(|[p, ..]| *p).collect();
+    let middle = bent.iter().sum::<Vec3>() / bent.len() as f32;
+    let at_rest = at(1.0).0;
+    let far = middle.distance(at_rest);
+    assert!(far > 0.1 * LENGTH, "{far}");
+    // It is seen from so near that a picture of its place now does not hold its place at rest.
+    let towards = |target: Vec3, eye: Vec3| Camera { eye, target, up: Vec3::Z, fov_y_deg: 20.0 };
+    let eye = middle - 0.5 * far * Vec3::Y;
+    assert!((at_rest - eye).angle_between(Vec3::Y) > 0.4, "{at_rest} {middle}");
+    let mut triangles = |camera: Camera| {
+        let picture = renderer.render(&camera, 64, 64).expect("picture");
+        (renderer.stats().triangles, picture.hdr.iter().any(|p| p[3] > 0.0))
+    };
+    let seen = triangles(towards(middle, eye));
+    assert!(seen.0 > 0 && seen.1, "{seen:?}");
+    // Turned away, but within the branch's length: nothing is seen, and yet it might come.
+    let behind = triangles(towards(eye - Vec3::Y, eye));
+    assert!(behind.0 > 0 && !behind.1, "{behind:?}");
+    // From where the branch never comes, looking away.
+    let outside = Vec3::new(0.0, -1.5 * LENGTH, 0.0);
+    assert_eq!(triangles(towards(outside - Vec3::Y, outside)), (0, false));
+    assert!(triangles(towards(Vec3::ZERO, outside)).0 > 0);
 }
