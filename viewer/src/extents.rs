@@ -14,7 +14,7 @@ pub(crate) struct Extents {
     /// How many of these cast a shadow.
     casters: usize,
     sections: Option<Sections>,
-    /// Balls that hold all poses, where the adapter poses what is carried.
+    /// Balls that hold all poses ([`pose::reach`]), where the adapter poses what is carried.
     reach: Option<Vec<(Vec3, f32)>>,
 }
 

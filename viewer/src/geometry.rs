@@ -110,7 +110,7 @@ impl Batch {
     /// Uploads everything that stands in the scene, ordered by material and then by mesh. `points` are those of all
     /// sections at rest.
     pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut Stats) -> Vec<Batch> {
-        // Lengths that are kept in closed form alone may grow, and a branch may then come out of its ball.
+        // In closed form a branch may come out of its ball.
         let poses = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).filter(|p| !p.closed_form);
         let reach = poses.map_or_else(Vec::new, |poses| pose::reach(scene, poses));
         let mut together: BTreeMap<(usize, usize, Option<usize>), Vec<Instance>> = BTreeMap::new();
@@ -131,6 +131,7 @@ impl Batch {
             let ride = bend::kind(scene, &instances);
             let limbs = alone.filter(|_| !reach.is_empty()).and_then(|k| bend::branches(scene, &scene.instances[k]));
             let mut trunks: Vec<(Vec3, f32)> = limbs.into_iter().flatten().map(|limb| reach[limb]).collect();
+            // The branches of a trunk mostly follow each other.
             trunks.dedup();
             Some(Batch {
                 mesh,

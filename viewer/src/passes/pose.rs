@@ -339,20 +339,26 @@ fn boxes(scene: &Scene, poses: &Poses) -> Vec<Option<Oriented>> {
 }
 
 /// For each branch the ball that holds everything on its trunk, however branches bend: around the trunk's root, as far
-/// as all lengths from there to a leaf's or a vertex' farthest corner.
+/// as all lengths from there to a leaf's or a vertex' farthest corner. Lengths that are kept in closed form alone may
+/// grow, and what they carry may then come out of it.
 pub(crate) fn reach(scene: &Scene, poses: &Poses) -> Vec<(Vec3, f32)> {
+    // A file may let an axis begin beside the branch's root.
+    let along = |limb: u32, share: f32| {
+        let limb = &poses.limbs[limb as usize];
+        poses.pieces[limb.pieces[0] as usize].place.length() + share * limb.length
+    };
     let mut of_limbs: Vec<(usize, f32)> = Vec::with_capacity(poses.limbs.len());
     for (k, limb) in poses.limbs.iter().enumerate() {
         of_limbs.push(limb.parent.map_or((k, 0.0), |parent| {
             let (trunk, before) = of_limbs[parent as usize];
-            (trunk, before + limb.at.0 * poses.limbs[parent as usize].length + limb.offset.length())
+            (trunk, before + along(parent, limb.at.0) + limb.offset.length())
         }));
     }
     let mut radii = vec![0.0f32; poses.limbs.len()];
     for (seat, of) in poses.seats.iter().zip(boxes(scene, poses)) {
         let Some((centre, half)) = of else { continue };
         let (trunk, before) = of_limbs[seat.limb as usize];
-        let along = seat.share * poses.limbs[seat.limb as usize].length + seat.offset.length();
+        let along = along(seat.limb, seat.share) + seat.offset.length();
         let beyond = centre.distance(seat.from) + half.iter().map(|h| h.length()).sum::<f32>();
         radii[trunk] = radii[trunk].max(before + along + beyond);
     }

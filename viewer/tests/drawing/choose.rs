@@ -120,7 +120,7 @@ fn what_moves_is_culled_where_it_is() {
         for camera in cameras() {
             let one = adapter.render(&camera, 96, 72).expect("picture");
             let other = cpu.render(&camera, 96, 72).expect("picture");
-            // The CPU culls nothing that moves.
+            // The CPU culls no leaf that moves.
             let off = one.hdr.iter().zip(&other.hdr).filter(|(a, b)| (a[1] - b[1]).abs() > 2e-3).count();
             assert!(!in_full || off <= 8, "{off} pixels");
             let drawn = adapter.drawn_instances().expect("instances");
