@@ -27,9 +27,9 @@ const DISTANCES: [f64; 6] = [8.0, 30.0, 60.0, 120.0, 240.0, 480.0];
 /// Pixels of a picture, frames of which the median counts, and the opening angle (degrees).
 const SIZE: [u32; 2] = [800, 600];
 const FRAMES: usize = 5;
-/// Pixels across of the picture in full detail, with which radiance and coverage are compared, for each pixel of the
-/// others. With pixels of the same size, leaves far smaller than a pixel fall between its samples: at 240 m such a
-/// picture is 3 % too dark.
+/// The picture in full detail, with which radiance and coverage are compared, has this many times as many pixels along
+/// each side. With as many as the others, leaves far smaller than a pixel would fall between its samples: at 240 m such
+/// a picture is 3 % too dark.
 const FINER: u32 = 4;
 const FOV_DEG: f32 = 42.0;
 /// Number of sides from which radiance and coverage are measured.
@@ -194,8 +194,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             us,
             note: format!(
                 "{} leaves and {} triangles ({} without flat leaves and simpler wood, {} in full detail); a frame \
-                 takes {:.2} of the time without these, {:.2} of that in full detail; seen from four sides, radiance \
-                 {:+.2} %, coverage {:+.2} % (without these {:+.2} and {:+.2} %); {w}x{h} on {adapter}",
+                 takes {:.2} of the time without these, {:.2} of that in full detail; seen from four sides, beside \
+                 full detail with {FINER} times as many pixels a side, radiance {:+.2} %, coverage {:+.2} % (without \
+                 these {:+.2} and {:+.2} %); {w}x{h} on {adapter}",
                 seen[3].1,
                 seen[0].1,
                 seen[1].1,
