@@ -36,10 +36,8 @@ const COLUMNS: usize = 4;
 pub struct Strip {
     /// The hours, in the order of the day.
     pub hours: Vec<Hour>,
-    /// Columns and rows of pixels.
-    pub size: (usize, usize),
-    /// Displayed sRGB values and alpha, row by row from the top.
-    pub pixels: Vec<[u8; 4]>,
+    /// The mosaic. A place without an hour is black.
+    pub picture: gpu::Picture,
 }
 
 impl Strip {
@@ -48,7 +46,8 @@ impl Strip {
     /// # Errors
     /// [`mesophyll_error::Error::Write`] where it cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        image::write_png(path, self.size.0, self.size.1, self.pixels.as_flattened())
+        let gpu::Picture { width, height, ldr, .. } = &self.picture;
+        image::write_png(path, *width as usize, *height as usize, ldr.as_flattened())
     }
 }
 
@@ -68,7 +67,13 @@ pub fn draw(
     let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(None) };
     let (tile_w, tile_h) = (w as usize, h as usize);
     let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
-    let mut mosaic = vec![[0u8, 0, 0, 255]; columns * tile_w * rows * tile_h];
+    let pixels = columns * tile_w * rows * tile_h;
+    let mut mosaic = gpu::Picture {
+        width: (columns * tile_w) as u32,
+        height: (rows * tile_h) as u32,
+        hdr: vec![[0.0; 4]; pixels],
+        ldr: vec![[0, 0, 0, 255]; pixels],
+    };
     let polynomials = daylight::polynomials(plan.light.sun_moves, ledger)?;
     let mut hours = Vec::new();
     let mut lit = drawn.clone();
@@ -86,9 +91,10 @@ pub fn draw(
         renderer.set_lights(&lit).map_err(told)?;
         let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
         let (left, top) = ((k % COLUMNS) * tile_w, (k / COLUMNS) * tile_h);
-        for (y, row) in picture.ldr.chunks_exact(tile_w).enumerate() {
+        for (y, from) in (0..tile_h).map(|y| (y, y * tile_w..(y + 1) * tile_w)) {
             let at = (top + y) * columns * tile_w + left;
-            mosaic[at..at + tile_w].copy_from_slice(row);
+            mosaic.hdr[at..at + tile_w].copy_from_slice(&picture.hdr[from.clone()]);
+            mosaic.ldr[at..at + tile_w].copy_from_slice(&picture.ldr[from]);
         }
         let (made, exact) = (
             daylight.light(plan.light.sky_bands, polynomials)?.harmonics,
@@ -100,5 +106,5 @@ pub fn draw(
         let (zenith_deg, azimuth_deg) = (zenith.to_degrees(), azimuth.to_degrees());
         hours.push(Hour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
     }
-    Ok(Some(Strip { hours, size: (columns * tile_w, rows * tile_h), pixels: mosaic }))
+    Ok(Some(Strip { hours, picture: mosaic }))
 }

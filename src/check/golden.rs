@@ -4,16 +4,17 @@
 //!
 //! The limits follow from how far two adapters may differ, not from the effect of a changed fit. On Mesa's software
 //! adapter, Vulkan stores maps in 32 bits and OpenGL in 16, as many GPUs do. Between the two, the committed scenes
-//! differ by a mean FLIP of at most 4.0e-4, and cards by at most 3.4e-3 (they have one colour, which rounding may move
-//! as a whole by one step of 8 bits). 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits
-//! are about twice as high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of
-//! one pixel.
+//! differ by a mean FLIP of at most @@GL@@, and cards by at most @@GLC@@. 1.3e-4 of the pixels (leaves of the tree) are
+//! more than [`STEPS`] off. The limits are about twice as high. Eight bits are enough: a mean over thousands of pixels
+//! resolves far less than one step of one pixel. A ground or a card of one colour, however, may as a whole be rounded to
+//! another step than in the golden. So where a value lies on the border of two steps, both are right ([`settled`]).
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
 use mesophyll_manifest::Manifest;
-use mesophyll_transport::compare;
+use mesophyll_transport::{compare, tone};
+use mesophyll_viewer::Picture;
 use std::path::{Path, PathBuf};
 
 /// Longer side of a golden picture in pixels. The software adapter draws one in a fraction of a second.
@@ -25,6 +26,11 @@ pub const FLIP_MEAN: [f64; 2] = [1e-3, 6e-3];
 /// A pixel has changed where a displayed value differs by more than this many of 255 steps, which is more than rounding
 /// and 16-bit maps cause.
 const STEPS: u8 = 4;
+
+/// A displayed value that is no farther than this (in steps of 255) from the border of two steps may be rounded to either.
+/// The last bit of a radiance in 16 bits, as multisampled pictures have it, moves a displayed value by up to .046 steps;
+/// this is two of them.
+const EITHER: f64 = 0.1;
 
 /// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels
 /// that happened to 2.4e-4 of them; in a golden, edges take a four times larger share of the pixels.
@@ -113,8 +119,9 @@ pub fn write(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Re
 ///
 /// # Errors
 /// [`Error::Input`] when the golden cannot be read or has another size.
-pub fn compare(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Result<Comparison> {
+pub fn compare(path: &Path, picture: &Picture, exposure: f64) -> Result<Comparison> {
     let (w, h, golden) = read(path)?;
+    let (width, height) = (picture.width as usize, picture.height as usize);
     if (w, h) != (width, height) {
         let what = format!(
             "found {w}x{h} pixels, expected {width}x{height}; `mesophyll check --goldens-only --update-golden` writes \
@@ -122,12 +129,28 @@ pub fn compare(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> 
         );
         return Err(Error::input(path, what));
     }
+    let pixels = &settled(picture, &golden, exposure)[..];
     let flip = compare::flip_map(&golden, pixels, w, h);
     let count = (w * h) as f64;
     let changed = golden.iter().zip(pixels).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > STEPS)).count();
     let figures =
         Figures { flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count, changed: changed as f64 / count };
     Ok(Comparison { figures, difference: compare::difference_picture(&golden, pixels, 8.0) })
+}
+
+/// The picture in 8 bits, rounded as the golden is where both ways are right.
+fn settled(picture: &Picture, golden: &[[u8; 4]], exposure: f64) -> Vec<[u8; 4]> {
+    let mut pixels = picture.ldr.clone();
+    for ((pixel, golden), radiance) in pixels.iter_mut().zip(golden).zip(&picture.hdr) {
+        for c in 0..3 {
+            let border = f64::from(pixel[c].max(golden[c])) - 0.5;
+            let value = || 255.0 * tone::display(f64::from(radiance[c]), exposure);
+            if pixel[c].abs_diff(golden[c]) == 1 && (value() - border).abs() <= EITHER {
+                pixel[c] = golden[c];
+            }
+        }
+    }
+    pixels
 }
 
 fn read(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
@@ -144,6 +167,21 @@ fn read(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
 mod tests {
     use super::*;
 
+    /// A picture whose displayed values are `off` steps of 255 beside these pixels.
+    fn picture(width: usize, height: usize, ldr: &[[u8; 4]], off: f64) -> Picture {
+        // The radiance of a displayed value at exposure 1: `tone::display` backwards, by halving.
+        let radiance = |v: f64| {
+            let halved = |(low, high): (f64, f64), _| {
+                let middle: f64 = 0.5 * (low + high);
+                if tone::display(middle, 1.0) < v { (middle, high) } else { (low, middle) }
+            };
+            (0..200).fold((0.0, 1e4), halved).0 as f32
+        };
+        let table: Vec<f32> = (0..256).map(|v| radiance((f64::from(v) + off) / 255.0)).collect();
+        let hdr = ldr.iter().map(|p| [0, 1, 2, 3].map(|c| table[usize::from(p[c])])).collect();
+        Picture { width: width as u32, height: height as u32, hdr, ldr: ldr.to_vec() }
+    }
+
     #[test]
     fn what_adapters_differ_by_passes_and_a_change_does_not() {
         let dir = tempfile::tempdir().unwrap();
@@ -151,7 +189,7 @@ mod tests {
         let (w, h) = (200usize, 150usize);
         let drawn: Vec<[u8; 4]> = (0..w * h).map(|k| [(k % w) as u8, (k / w) as u8, 60, 255]).collect();
         write(&path, w, h, &drawn).unwrap();
-        let figures = |pixels: &[[u8; 4]]| compare(&path, w, h, pixels).unwrap().figures;
+        let figures = |pixels: &[[u8; 4]]| compare(&path, &picture(w, h, pixels, 0.0), 1.0).unwrap().figures;
         assert_eq!(figures(&drawn), Figures { flip_mean: 0.0, changed: 0.0 });
         // 116 pixels of 800 × 600 are on the other side of an edge. At this size the edges have the same length, and a
         // pixel's side is four times as large.
@@ -173,7 +211,27 @@ mod tests {
             figures(&moved)
         );
         assert!(Figures { flip_mean: f64::NAN, changed: 0.0 }.missed(false).is_some());
-        let error = compare(&path, h, w, &drawn).err().map(|e| e.to_string()).unwrap_or_default();
+        let error = compare(&path, &picture(h, w, &drawn, 0.0), 1.0).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains("found 200x150 pixels, expected 150x200"), "{error}");
+    }
+
+    /// An even ground whose value lies on the border of two steps is right on either side of it, and wrong where it
+    /// lies well within the other step, or two steps away.
+    #[test]
+    fn an_even_colour_may_be_rounded_to_either_side_of_a_border() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("golden.png");
+        let (w, h) = (40, 30);
+        let all = |p: [u8; 4]| vec![p; w * h];
+        write(&path, w, h, &all([120, 130, 90, 255])).unwrap();
+        let figures = |p: [u8; 4], off: f64| compare(&path, &picture(w, h, &all(p), off), 1.0).unwrap().figures;
+        for (rounded, off) in [([121, 131, 91, 255], -0.45), ([119, 129, 89, 255], 0.45)] {
+            assert_eq!(figures(rounded, off).missed(false), None);
+        }
+        for (rounded, off) in [([121, 131, 91, 255], -0.35), ([119, 129, 89, 255], 0.35), ([122, 132, 92, 255], -0.45)]
+        {
+            let seen = figures(rounded, off);
+            assert!(seen.missed(false).is_some() && seen.missed(true).is_some(), "{rounded:?}: {seen:?}");
+        }
     }
 }

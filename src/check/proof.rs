@@ -73,7 +73,7 @@ pub fn judge_view(
     }
     let (w, h) = golden::size(manifest);
     let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
-    judge(manifest, (w as usize, h as usize), &picture.ldr, options, out)
+    judge(manifest, &picture, options, out)
 }
 
 /// The hours of the scene's day as one more picture, where the scene has a day and a golden of it exists or will be
@@ -94,7 +94,7 @@ pub fn hours(
     let (w, h) = golden::size(manifest);
     if let Some(strip) = day::draw(scene, drawn, renderer, (w / 2, h / 2), ledger)? {
         let mut out = ViewReport { name: HOURS.into(), golden_only: true, ..ViewReport::default() };
-        judge(manifest, strip.size, &strip.pixels, options, &mut out)?;
+        judge(manifest, &strip.picture, options, &mut out)?;
         out.passed = out.why.is_empty();
         report.views.push(out);
     }
@@ -103,20 +103,15 @@ pub fn hours(
 
 /// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone requires a
 /// golden that does not exist.
-fn judge(
-    manifest: &Manifest,
-    (w, h): (usize, usize),
-    pixels: &[[u8; 4]],
-    options: &Options,
-    out: &mut ViewReport,
-) -> Result<()> {
+fn judge(manifest: &Manifest, picture: &gpu::Picture, options: &Options, out: &mut ViewReport) -> Result<()> {
     let path = golden::path(manifest, &out.name);
-    image::write_png(&options.out.join(format!("{}-small.png", out.name)), w, h, pixels.as_flattened())?;
+    let (w, h) = (picture.width as usize, picture.height as usize);
+    image::write_png(&options.out.join(format!("{}-small.png", out.name)), w, h, picture.ldr.as_flattened())?;
     if options.update_golden {
-        golden::write(&path, w, h, pixels)?;
+        golden::write(&path, w, h, &picture.ldr)?;
         progress::say(format!("wrote {}", path.display()));
     } else if path.is_file() {
-        let seen = golden::compare(&path, w, h, pixels)?;
+        let seen = golden::compare(&path, picture, manifest.exposure)?;
         out.golden = Some(seen.figures);
         if let Some(why) = seen.figures.missed(out.card) {
             let difference = options.out.join(format!("{}-small-difference.png", out.name));

@@ -229,16 +229,17 @@ mod moving {
         let whole = open(folder.path(), two, WIND);
         let rest = super::planted(&whole.manifest, &Ledger::new()).unwrap()[0].plant.clone();
         let drawn = handover::scene(&whole, &Ledger::new()).unwrap();
-        let mut renderer = match Renderer::headless(&Options::default()) {
-            Ok(renderer) => Some(renderer),
-            Err(Error::NoAdapter) => {
-                skips::skip(skips::Need::Adapter, "no graphics adapter");
-                None
+        // Branches are posed by one invocation each, and by groups.
+        let mut renderers = Vec::new();
+        for groups in [false, true] {
+            match Renderer::headless(&Options { groups, ..Options::default() }) {
+                Ok(mut renderer) => {
+                    renderer.set_scene(&drawn).unwrap();
+                    renderers.push(renderer);
+                }
+                Err(Error::NoAdapter) => skips::skip(skips::Need::Adapter, "no graphics adapter"),
+                Err(e) => panic!("{e}"),
             }
-            Err(e) => panic!("{e}"),
-        };
-        if let Some(renderer) = &mut renderer {
-            renderer.set_scene(&drawn).unwrap();
         }
         let leaves = rest.leaves.len();
         // Leaves turn on their branches, each by its own angle.
@@ -259,9 +260,7 @@ mod moving {
             let mut now = drawn.clone();
             let wind = now.wind.as_mut().unwrap();
             wind.time_s = time;
-            if let Some(renderer) = &mut renderer {
-                renderer.set_time(wind);
-            }
+            renderers.iter_mut().for_each(|renderer| renderer.set_time(wind));
             let mut worst = [0.0f64; 3];
             let mut moved = 0.0f64;
             for place in 0..2 {
@@ -276,32 +275,33 @@ mod moving {
                     worst[0] = worst[0].max(have.distance(*p) / length);
                     assert!((n.length() - 1.0).abs() < 1e-5);
                 }
-                let Some(renderer) = &renderer else { continue };
-                let found = renderer.bent_vertices(&now, wood).unwrap();
-                // The vertices of the wood's levels follow its own.
-                assert!(found.len() > want.len());
-                rigid(&now.meshes[now.instances[wood].mesh].positions, &found, want.len(), to_world);
-                for ((p, n, length), [q, m, _]) in want.iter().zip(&found) {
-                    worst[1] = worst[1].max(q.as_dvec3().distance(*p) / length);
-                    assert!(m.as_dvec3().distance(*n) < 2e-3, "{m} {n}");
-                }
-                for k in (0..leaves).step_by(41) {
-                    let index = place * leaves + k;
-                    let found = renderer.bent_vertices(&now, index).unwrap();
-                    let length = plant.branches[plant.leaves[k].joint.branch].length();
-                    let mesh = &now.meshes[now.instances[index].mesh];
-                    for (rest, have) in mesh.positions.iter().zip(&found).step_by(13) {
-                        let to = plant.leaves[k].transform.transform_point3(rest.as_dvec3());
-                        worst[2] = worst[2].max(have[0].as_dvec3().distance(to) / length);
+                for renderer in &renderers {
+                    let found = renderer.bent_vertices(&now, wood).unwrap();
+                    // The vertices of the wood's levels follow its own.
+                    assert!(found.len() > want.len());
+                    rigid(&now.meshes[now.instances[wood].mesh].positions, &found, want.len(), to_world);
+                    for ((p, n, length), [q, m, _]) in want.iter().zip(&found) {
+                        worst[1] = worst[1].max(q.as_dvec3().distance(*p) / length);
+                        assert!(m.as_dvec3().distance(*n) < 2e-3, "{m} {n}");
                     }
+                    for k in (0..leaves).step_by(41) {
+                        let index = place * leaves + k;
+                        let found = renderer.bent_vertices(&now, index).unwrap();
+                        let length = plant.branches[plant.leaves[k].joint.branch].length();
+                        let mesh = &now.meshes[now.instances[index].mesh];
+                        for (rest, have) in mesh.positions.iter().zip(&found).step_by(13) {
+                            let to = plant.leaves[k].transform.transform_point3(rest.as_dvec3());
+                            worst[2] = worst[2].max(have[0].as_dvec3().distance(to) / length);
+                        }
+                    }
+                    joints = joints.max(gap(&rest, &plant, &found));
+                    let boxes = renderer.moving_boxes().unwrap();
+                    let n = plant.branches.len();
+                    assert_eq!(boxes.len(), 2 * n);
+                    let blade = &now.meshes[now.instances[place * leaves].mesh].positions;
+                    let ratios = looseness(&plant, blade, &boxes[place * n..][..n]);
+                    loose = [0, 1].map(|k| loose[k].max(ratios[k]));
                 }
-                joints = joints.max(gap(&rest, &plant, &found));
-                let boxes = renderer.moving_boxes().unwrap();
-                let n = plant.branches.len();
-                assert_eq!(boxes.len(), 2 * n);
-                let blade = &now.meshes[now.instances[place * leaves].mesh].positions;
-                let ratios = looseness(&plant, blade, &boxes[place * n..][..n]);
-                loose = [0, 1].map(|k| loose[k].max(ratios[k]));
             }
             println!(
                 "{time} s: reference {:.1e}, bark {:.1e}, leaves {:.1e} of a branch's length",

@@ -2,7 +2,7 @@
 
 use crate::bend::Moved;
 use crate::geometry::{ball, corners};
-use crate::passes::pose;
+use crate::passes::reach::reach;
 use crate::scene::{Carried, Poses, Scene, Section, Sections, Wind};
 use glam::Vec3;
 
@@ -14,7 +14,7 @@ pub(crate) struct Extents {
     /// How many of these cast a shadow.
     casters: usize,
     sections: Option<Sections>,
-    /// Balls that hold all poses ([`pose::reach`]), where the adapter poses what is carried.
+    /// Balls that hold all poses ([`reach`]), where the adapter poses what is carried.
     reach: Option<Vec<(Vec3, f32)>>,
 }
 
@@ -50,7 +50,7 @@ impl Extents {
             casters,
             sections: scene.sections.clone(),
             reach: poses.map(|poses| {
-                let all = poses.limbs.iter().zip(pose::reach(scene, poses));
+                let all = poses.limbs.iter().zip(reach(scene, poses));
                 all.filter(|(limb, _)| limb.parent.is_none()).map(|(_, ball)| ball).collect()
             }),
         }

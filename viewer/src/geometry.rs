@@ -7,7 +7,7 @@ use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
-use crate::passes::pose;
+use crate::passes::reach::reach;
 use crate::scene::{Instance, Mesh, Scene};
 use crate::stats::Stats;
 use crate::thin::Seen;
@@ -112,7 +112,7 @@ impl Batch {
     pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut Stats) -> Vec<Batch> {
         // In closed form a branch may come out of its ball.
         let poses = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).filter(|p| !p.closed_form);
-        let reach = poses.map_or_else(Vec::new, |poses| pose::reach(scene, poses));
+        let reach = poses.map_or_else(Vec::new, |poses| reach(scene, poses));
         let mut together: BTreeMap<(usize, usize, Option<usize>), Vec<Instance>> = BTreeMap::new();
         for (k, instance) in scene.instances.iter().enumerate() {
             if !scene.meshes[instance.mesh].indices.is_empty() {

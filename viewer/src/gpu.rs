@@ -14,6 +14,8 @@ pub struct Options {
     /// Moves each vertex where it is drawn, even of what moves as a whole, and chooses on the CPU what a picture shows,
     /// as adapters without indirect draws do.
     pub plain: bool,
+    /// Shares the work on each branch of a plant among a group of invocations, as GPUs do, on a software adapter too.
+    pub groups: bool,
 }
 
 /// A graphics interface.
@@ -62,6 +64,8 @@ pub struct Gpu {
     pub(crate) places: bool,
     /// Whether the adapter chooses what a picture shows.
     pub(crate) chooses: bool,
+    /// Whether groups of invocations share what there is to do for a branch.
+    pub(crate) groups: bool,
 }
 
 /// Format of the radiance target with multisampling: the widest that every adapter resolves.
@@ -142,6 +146,7 @@ impl Gpu {
             hdr_format: pick(renderable),
             timestamps: features.contains(Features::TIMESTAMP_QUERY),
             places: !options.plain,
+            groups: options.groups || !info.is_software,
             chooses: !options.plain
                 && features.contains(Features::INDIRECT_FIRST_INSTANCE)
                 && raw.backend != wgpu::Backend::Gl,

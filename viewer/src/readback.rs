@@ -21,7 +21,12 @@ fn failed(error: impl ToString) -> Error {
 /// # Errors
 /// `Readback` where the adapter was lost.
 pub fn wait(gpu: &Gpu) -> Result<()> {
-    gpu.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None }).map(|_| ()).map_err(failed)
+    wait_for(gpu, None)
+}
+
+/// Waits until the adapter has done a submission; without one, the last one.
+pub(crate) fn wait_for(gpu: &Gpu, submission_index: Option<wgpu::SubmissionIndex>) -> Result<()> {
+    gpu.device.poll(wgpu::PollType::Wait { submission_index, timeout: None }).map(|_| ()).map_err(failed)
 }
 
 /// All bytes of a buffer that can be mapped.

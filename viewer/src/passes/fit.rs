@@ -32,7 +32,9 @@ impl FitPass {
         resolution: u32,
     ) -> FitPass {
         let layers = directions.len();
-        let defines = Defines::default().constant("LAYERS", layers as u32);
+        // As many invocations as make a GPU quick; a software adapter takes them one after the other.
+        let wide = if gpu.groups { 256 } else { 64 };
+        let defines = Defines::default().constant("LAYERS", layers as u32).constant("WIDE", wide);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("fit"),
             source: wgpu::ShaderSource::Wgsl(assemble(include_str!("fit.wgsl"), &defines).into()),

@@ -24,7 +24,6 @@ struct Light {
 // x: how many texels wide and high the maps are drawn, in a corner of their texture. y: their share of its side.
 @group(0) @binding(3) var<uniform> used: vec4f;
 
-const WIDE = 64u;
 var<workgroup> lows: array<vec3f, WIDE>;
 var<workgroup> highs: array<vec3f, WIDE>;
 

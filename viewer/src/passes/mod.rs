@@ -17,6 +17,7 @@ pub(crate) mod motion;
 pub(crate) mod outline;
 pub(crate) mod place;
 pub(crate) mod pose;
+pub(crate) mod reach;
 pub(crate) mod shadow;
 pub(crate) mod sky;
 pub(crate) mod tonemap;

@@ -1,15 +1,16 @@
-//! Poses plants on the adapter, once for each time: see `pose.wgsl`. The CPU gives an amplitude for each branch, and
+//! Poses plants on the adapter, once for each time: see `pose.wgsl`, and `pose_alone.wgsl` and
+//! `pose_groups.wgsl` for the passes. The CPU gives an amplitude for each branch, and
 //! everything else stays on the adapter: the sections for the vertex stage, boxes around what moves, and the matrices
 //! of shadow maps that are fitted to these boxes.
 
 use crate::error::Result;
-use crate::geometry::corners;
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, RIGID, Ride};
+use crate::passes::reach::{Oriented, boxes};
 use crate::scene::{Poses, Scene, Seat};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use std::sync::Arc;
 use wgpu::BufferUsages as Use;
 
@@ -19,6 +20,8 @@ const MARK: usize = 32;
 const BOX_AT_REST: usize = 64;
 /// The largest number of sections that one invocation seats beside those on marks, of which it seats a branch's own.
 const LONGEST: usize = 8;
+/// Invocations in a group that poses one branch.
+const LANES: usize = 32;
 /// Number of Newton steps for a place on a bent branch; few branches need more than two.
 const STEPS: u32 = 4;
 
@@ -26,12 +29,12 @@ const STEPS: u32 = 4;
 pub(crate) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
-    /// Number of invocations in groups of 64.
+    /// Number of work groups.
     count: u32,
 }
 
 impl Kernel {
-    /// Makes one of the entry points of a module. It must use all of the `resources`.
+    /// Makes one of the entry points of a module, for so many work groups. It must use all of the `resources`.
     pub(crate) fn new(
         gpu: &Gpu,
         module: &wgpu::ShaderModule,
@@ -62,7 +65,7 @@ impl Kernel {
     pub(crate) fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
-        pass.dispatch_workgroups(self.count.div_ceil(64), 1, 1);
+        pass.dispatch_workgroups(self.count, 1, 1);
     }
 }
 
@@ -91,9 +94,6 @@ fn within(limits: &wgpu::Limits, limbs: usize, pieces: usize, seats: usize) -> b
         && bytes <= limits.max_storage_buffer_binding_size
         && groups <= limits.max_compute_workgroups_per_dimension as usize
 }
-
-/// A box with its own axes: the centre, and half sides.
-type Oriented = (Vec3, [Vec3; 3]);
 
 impl PosePass {
     /// Uploads the branches of a scene, whose sections are written into `sections`.
@@ -130,14 +130,17 @@ impl PosePass {
         let marks = made("marks", MARK * (poses.pieces.len() + n), Use::empty());
         let states = made("states", 80 * n, Use::empty());
         let parts = made("parts", 32 * n, Use::COPY_SRC);
+        let groups = in_groups(gpu, poses);
+        let by = if groups { include_str!("pose_groups.wgsl") } else { include_str!("pose_alone.wgsl") };
         let defines = bend::defines(Defines::default(), Some(Ride::Instances), 0)
             .constant("STEPS", if poses.closed_form { 0 } else { STEPS })
+            .constant("LANES", LANES as u32)
             .set("CLOSED_FORM", poses.closed_form)
             .set("HANGS", hangs);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("pose"),
             source: wgpu::ShaderSource::Wgsl(
-                assemble(&[RIGID, include_str!("beam.wgsl"), include_str!("pose.wgsl")].concat(), &defines).into(),
+                assemble(&[RIGID, include_str!("beam.wgsl"), include_str!("pose.wgsl"), by].concat(), &defines).into(),
             ),
         });
         let mut of = |entry: &str, buffers: &[(u32, &wgpu::Buffer)], count: usize| {
@@ -146,18 +149,24 @@ impl PosePass {
             stats.pipeline(&format!("pose: {entry}"));
             Kernel::new(gpu, &module, entry, &all, count)
         };
-        let mut carried = vec![(0, &limbs), (2, &seats), (7, &marks), (8, &states), (10, sections)];
-        carried.extend(turns.as_ref().map(|turns| (4, turns)));
-        let seated = [carried.as_slice(), &[(1, &pieces), (6, &of_runs)]].concat();
         let bent = [(0, &limbs), (1, &pieces), (3, &amplitudes), (7, &marks), (8, &states)];
         let joined = [(0, &limbs), (1, &pieces), (7, &marks), (8, &states)];
-        let kernels = vec![
-            of("bend_limbs", &bent, n),
-            of("join_limbs", &joined, n),
-            of("carry_limbs", &carried, n),
-            of("seat_sections", &seated, runs.len()),
-        ];
-        let enclose = of("enclose_parts", &[(0, &limbs), (2, &seats), (5, &at_rest), (9, &parts), (10, sections)], n);
+        let mut carried = vec![(0, &limbs), (2, &seats), (7, &marks), (8, &states), (10, sections)];
+        carried.extend(turns.as_ref().map(|turns| (4, turns)));
+        let seated = [carried.as_slice(), &[(1, &pieces)]].concat();
+        let in_runs = [seated.as_slice(), &[(6, &of_runs)]].concat();
+        let enclosed = [(0, &limbs), (2, &seats), (5, &at_rest), (9, &parts), (10, sections)];
+        let kernels = if groups {
+            vec![of("bend_limbs", &bent, n), of("seat_sections", &seated, n)]
+        } else {
+            vec![
+                of("bend_limbs", &bent, n.div_ceil(64)),
+                of("join_limbs", &joined, n.div_ceil(64)),
+                of("carry_limbs", &carried, n.div_ceil(64)),
+                of("seat_sections", &in_runs, runs.len().div_ceil(64)),
+            ]
+        };
+        let enclose = of("enclose_parts", &enclosed, if groups { n } else { n.div_ceil(64) });
         PosePass { poses: poses.clone(), amplitudes, turns, parts, kernels, enclose }
     }
 
@@ -197,6 +206,17 @@ impl PosePass {
         let part = |[low, high]: &[[f32; 4]; 2]| (low[0] <= high[0]).then(|| [corner(low), corner(high)]);
         Ok(found.iter().take(self.poses.limbs.len()).map(part).collect())
     }
+}
+
+/// Whether a group of invocations shares the work on each branch. That is what a GPU is quick at, which has thousands of
+/// invocations waiting side by side. A software adapter has few, and is quicker where each has a branch of its own.
+fn in_groups(gpu: &Gpu, poses: &Poses) -> bool {
+    let mut depths: Vec<usize> = Vec::with_capacity(poses.limbs.len());
+    for limb in &poses.limbs {
+        depths.push(limb.parent.map_or(1, |parent| depths[parent as usize] + 1));
+    }
+    let most = gpu.device.limits().max_compute_workgroups_per_dimension as usize;
+    gpu.groups && depths.len() <= most && depths.iter().all(|depth| *depth <= LANES)
 }
 
 /// A number whose bits a shader reads as an integer.
@@ -295,74 +315,6 @@ fn oriented(poses: &Poses, order: &[u32], around: &[Option<Oriented>]) -> Vec<[[
         None => [[0.0; 4]; 4],
     };
     order.iter().map(one).collect()
-}
-
-/// The box around what each section carries at rest. Its axes are those of the first instance, or of the branch for
-/// bark.
-fn boxes(scene: &Scene, poses: &Poses) -> Vec<Option<Oriented>> {
-    let mut found: Vec<Option<(Mat3, Vec3, Vec3)>> = vec![None; poses.seats.len()];
-    let mut add = |section: usize, axes: Mat3, point: Vec3| {
-        let (axes, low, high) = found[section].get_or_insert((axes, Vec3::INFINITY, Vec3::NEG_INFINITY));
-        let own = axes.transpose() * point;
-        (*low, *high) = (low.min(own), high.max(own));
-    };
-    let corners: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|m| corners(&m.positions)).collect();
-    let of_vertices = scene.sections.as_ref().map_or(&[][..], |s| &s.of_vertices);
-    for instance in &scene.instances {
-        let (Some(by), m) = (instance.carried, instance.transform) else { continue };
-        let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
-        let leaf = Mat3::from_cols(
-            columns[0].normalize_or(Vec3::X),
-            columns[1].normalize_or(Vec3::Y),
-            columns[2].normalize_or(Vec3::Z),
-        );
-        match by.vertices {
-            None => {
-                let all = corners[instance.mesh].iter().flatten();
-                all.for_each(|p| add(by.first as usize, leaf, m.transform_point3(*p)));
-            }
-            Some(first) => {
-                for (k, p) in scene.meshes[instance.mesh].positions.iter().enumerate() {
-                    let section = (by.first + of_vertices[first as usize + k]) as usize;
-                    let [t, r] = poses.limbs[poses.seats[section].limb as usize].axes;
-                    add(section, Mat3::from_cols(t, r, t.cross(r)), m.transform_point3(*p));
-                }
-            }
-        }
-    }
-    let oriented = |of: Option<(Mat3, Vec3, Vec3)>| {
-        let (axes, low, high) = of?;
-        let half = 0.5 * (high - low);
-        Some((axes * (0.5 * (low + high)), [axes.x_axis * half.x, axes.y_axis * half.y, axes.z_axis * half.z]))
-    };
-    found.into_iter().map(oriented).collect()
-}
-
-/// For each branch the ball that holds everything on its trunk, however branches bend: around the trunk's root, as far
-/// as all lengths from there to a leaf's or a vertex' farthest corner. Lengths that are kept in closed form alone may
-/// grow, and what they carry may then come out of it.
-pub(crate) fn reach(scene: &Scene, poses: &Poses) -> Vec<(Vec3, f32)> {
-    // A file may let an axis begin beside the branch's root.
-    let along = |limb: u32, share: f32| {
-        let limb = &poses.limbs[limb as usize];
-        poses.pieces[limb.pieces[0] as usize].place.length() + share * limb.length
-    };
-    let mut of_limbs: Vec<(usize, f32)> = Vec::with_capacity(poses.limbs.len());
-    for (k, limb) in poses.limbs.iter().enumerate() {
-        of_limbs.push(limb.parent.map_or((k, 0.0), |parent| {
-            let (trunk, before) = of_limbs[parent as usize];
-            (trunk, before + along(parent, limb.at.0) + limb.offset.length())
-        }));
-    }
-    let mut radii = vec![0.0f32; poses.limbs.len()];
-    for (seat, of) in poses.seats.iter().zip(boxes(scene, poses)) {
-        let Some((centre, half)) = of else { continue };
-        let (trunk, before) = of_limbs[seat.limb as usize];
-        let along = along(seat.limb, seat.share) + seat.offset.length();
-        let beyond = centre.distance(seat.from) + half.iter().map(|h| h.length()).sum::<f32>();
-        radii[trunk] = radii[trunk].max(before + along + beyond);
-    }
-    of_limbs.iter().map(|(trunk, _)| (poses.limbs[*trunk].root, radii[*trunk])).collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 // Poses the branches of plants once a frame, in single precision, as `src/flora/pose` does on the CPU in double
-// precision. Four passes follow each other: every branch bends in its own frame; joints sit on their parents; bases are
-// carried along the hierarchy, and with them the sections where pieces begin; the other sections follow their branches.
-// A fifth puts boxes around what branches carry, where shadow maps need them. The vertex stage only looks sections up.
-// `rigid.wgsl` and `beam.wgsl` stand before this file.
+// precision: every branch bends in its own frame; joints sit on their parents; bases are carried along the hierarchy;
+// sections follow their branches. Where shadow maps need them, boxes are put around what branches carry. The vertex
+// stage only looks sections up. `rigid.wgsl` and `beam.wgsl` stand before this file. After it stands the file with the
+// passes: `pose_alone.wgsl` or `pose_groups.wgsl`.
 //
 // Places on a branch are counted from its root at rest, so that they keep their digits far from the scene's origin.
 // What several sections need of their branch is read once for all of them, in rows of four numbers: a software adapter
@@ -148,35 +148,12 @@ fn turned(limb: Limb, e: vec3f, bent: vec4f) -> vec4f {
     return vec4f(cross(limb.t, e) * (0.5 * bent.w / cosine), cosine);
 }
 
-@compute @workgroup_size(64)
-fn bend_limbs(@builtin(global_invocation_id) id: vec3u) {
-    let k = id.x;
-    if (k >= arrayLength(&limbs)) {
-        return;
-    }
+// Towards which direction across a branch the wind bends it, and the amplitude.
+fn bends(k: u32, limb: Limb) -> vec4f {
     let amplitude = amplitudes[k];
     let size = length(amplitude);
-    let limb = limb_of(k);
     let r = limbs[k].r.xyz;
-    let e = select(r, (amplitude.x / size) * r + (amplitude.y / size) * cross(limb.t, r), size > 0.0);
-    states[k].bends = vec4f(e, size);
-    let own = vec2u(limbs[k].pieces.zw);
-    var piece = pieces[own.x];
-    var mark = Mark(vec4f(piece.begin.xyz, 0.0), vec4f(0.0, 0.0, 1.0, 0.0));
-    marks[own.x + k] = mark;
-    for (var n = 1u; n <= own.y; n++) {
-        let next = pieces[own.x + min(n, own.y - 1u)];
-        let x = select(1.0, next.begin.w, n < own.y);
-        let beam = bent(limb, x, size, about(limb, x, size));
-        var place = mark.place.xyz + gone(limb, piece.way.xyz, mark.place.w, x, e, mark.beam.xy, beam.xy);
-        if (size == 0.0) {
-            let end = piece.begin.xyz + piece.way.xyz * ((x - piece.begin.w) * limb.length);
-            place = select(end, next.begin.xyz, n < own.y);
-        }
-        piece = next;
-        mark = Mark(vec4f(place, x), beam);
-        marks[own.x + k + n] = mark;
-    }
+    return vec4f(select(r, (amplitude.x / size) * r + (amplitude.y / size) * cross(limb.t, r), size > 0.0), size);
 }
 
 // What the cross-sections on a piece of a branch have in common, and the marks of its ends.
@@ -212,21 +189,6 @@ fn own(on: On, x: f32) -> Rigid {
     return Rigid(to, turned(limb, e, bent));
 }
 
-// The root of every branch on its parent, before the parent's base moves it.
-@compute @workgroup_size(64)
-fn join_limbs(@builtin(global_invocation_id) id: vec3u) {
-    let k = id.x;
-    if (k >= arrayLength(&limbs)) {
-        return;
-    }
-    let parent = limbs[k].pieces.xy;
-    if (parent.x >= 0) {
-        let joint = own(on_piece(u32(parent.x), u32(parent.y)), limbs[k].sizes.z);
-        states[k].to = joint.to + rotate(joint.turn, limbs[k].offset.xyz);
-        states[k].turn = joint.turn;
-    }
-}
-
 // Writes the section of a seat whose cross-section moves so before the base moves it.
 fn seated(base: Rigid, moved: Rigid, seat: Seat) {
     var from_base = moved.to;
@@ -240,79 +202,24 @@ fn seated(base: Rigid, moved: Rigid, seat: Seat) {
     sections[seat.section][1] = turn;
 }
 
-// The base of every branch, from the roots of all its ancestors.
-@compute @workgroup_size(64)
-fn carry_limbs(@builtin(global_invocation_id) id: vec3u) {
-    let k = id.x;
-    if (k >= arrayLength(&limbs)) {
-        return;
-    }
-    var to = vec3f(0.0);
-    var turn = REST;
-    var at = k;
-    for (var parent = limbs[k].pieces.x; parent >= 0; parent = limbs[at].pieces.x) {
-        let own_turn = states[at].turn;
-        to = states[at].to + rotate(own_turn, to);
-        turn = after(own_turn, turn);
-        at = u32(parent);
-    }
-    let base = Rigid(limbs[at].root.xyz + to, turn);
-    states[k].base_to = base.to;
-    states[k].base_turn = base.turn;
-    // The sections on marks need nothing that is not known.
-    let seats = limbs[k].seats;
-    let first_mark = u32(limbs[k].pieces.z) + k;
-    let limb = limb_of(k);
-    let e = states[k].bends.xyz;
-    for (var n = seats.x; n < seats.x + seats.z; n++) {
-        let seat = seat_of(n);
-        let mark = first_mark + seat.place;
-        seated(base, Rigid(marks[mark].place.xyz, turned(limb, e, marks[mark].beam)), seat);
-    }
+// The root of a branch on its parent, before the parent's base moves it.
+fn joint(k: u32) -> Rigid {
+    let parent = vec2u(limbs[k].pieces.xy);
+    let on = own(on_piece(parent.x, parent.y), limbs[k].sizes.z);
+    return Rigid(on.to + rotate(on.turn, limbs[k].offset.xyz), on.turn);
 }
 
-// The motion of every other section.
-@compute @workgroup_size(64)
-fn seat_sections(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= arrayLength(&runs)) {
-        return;
+// The box around what the section of a seat carries; an empty one where it carries nothing.
+fn around(n: u32) -> Box {
+    let rest = at_rest[n];
+    if (rest.carries == 0.0) {
+        return Box(vec3f(NOWHERE), vec3f(-NOWHERE));
     }
-    let run = runs[id.x];
-    var piece = run.y;
-    var on = on_piece(run.x, piece);
-    let base = Rigid(states[run.x].base_to, states[run.x].base_turn);
-    for (var n = run.z; n < run.z + run.w; n++) {
-        let seat = seat_of(n);
-        let share = bitcast<f32>(seat.place);
-        if (share > on.end.place.w && on.end.place.w < 1.0) {
-            piece++;
-            on = On(on.limb, pieces[piece].way.xyz, on.end, marks[piece + run.x + 1u], on.bends);
-        }
-        seated(base, own(on, share), seat);
-    }
-}
-
-// The box around everything that a branch carries: its bark and its leaves.
-@compute @workgroup_size(64)
-fn enclose_parts(@builtin(global_invocation_id) id: vec3u) {
-    let k = id.x;
-    if (k >= arrayLength(&limbs)) {
-        return;
-    }
-    let own = limbs[k].seats.xy;
-    var all = Box(vec3f(NOWHERE), vec3f(-NOWHERE));
-    for (var n = own.x; n < own.x + own.y; n++) {
-        let rest = at_rest[n];
-        if (rest.carries == 0.0) {
-            continue;
-        }
-        let moved = moved_by(seat_of(n).section);
-        let centre = moved.to + rotate(moved.turn, rest.centre);
-        let turn = moved.turn;
-        let sides = abs(rotate(turn, rest.x)) + abs(rotate(turn, rest.y)) + abs(rotate(turn, rest.z));
-        // Vertices are rounded where they are drawn.
-        let around = sides + 1e-6 * abs(centre);
-        all = Box(min(all.low, centre - around), max(all.high, centre + around));
-    }
-    parts[k] = all;
+    let moved = moved_by(seat_of(n).section);
+    let centre = moved.to + rotate(moved.turn, rest.centre);
+    let turn = moved.turn;
+    let sides = abs(rotate(turn, rest.x)) + abs(rotate(turn, rest.y)) + abs(rotate(turn, rest.z));
+    // Vertices are rounded where they are drawn.
+    let half = sides + 1e-6 * abs(centre);
+    return Box(centre - half, centre + half);
 }

@@ -47,6 +47,21 @@ impl Renderer {
         Ok(timing)
     }
 
+    /// Draws a frame without waiting for its end, but for that of the frame before, as programs do that show frames: the
+    /// processor prepares a frame while the adapter draws another.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn draw_ahead(&mut self, camera: &Camera, width: u32, height: u32) -> Result<()> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.record(&mut encoder, camera, width, height, None)?;
+        let own = self.gpu.queue.submit([encoder.finish()]);
+        match self.under_way.replace(own) {
+            Some(before) => readback::wait_for(&self.gpu, Some(before)),
+            None => Ok(()),
+        }
+    }
+
     /// The positions, normals and tangents of instance `index` after the vertex stage, in world space. `scene` must be
     /// the one that is set. The same shader function computes them as for pictures.
     ///

@@ -53,6 +53,8 @@ pub struct Renderer {
     targets: Option<TargetSet>,
     /// Whether a scene's backdrop is seen.
     backdrop_shown: bool,
+    /// The last frame that nobody has waited for.
+    under_way: Option<wgpu::SubmissionIndex>,
     stats: Stats,
 }
 
@@ -110,6 +112,7 @@ impl Renderer {
             loaded: None,
             targets: None,
             backdrop_shown: true,
+            under_way: None,
             stats: Stats::default(),
             gpu,
         }

@@ -2,6 +2,7 @@
 
 use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
+use mesophyll_viewer::Options;
 use mesophyll_viewer::scene::{Camera, Carried, Instance, Limb, Piece, Poses, Scene, Seat, Section, Sections, Wind};
 use std::sync::Arc;
 
@@ -82,9 +83,20 @@ fn scene(hangs: bool, closed_form: bool) -> Scene {
     scene
 }
 
+/// What a branch does: whether sections hang beside it, whether its lengths are corrected in closed form, and whether a
+/// group of invocations poses it.
+const WAYS: [[bool; 3]; 6] = [
+    [false, false, false],
+    [true, false, false],
+    [false, true, false],
+    [false, false, true],
+    [true, false, true],
+    [false, true, true],
+];
+
 /// Where the vertices of each leaf of a scene are, at rest and at a time.
-fn places(scene: &Scene, time_s: f64) -> Option<Vec<Vec<[Vec3; 2]>>> {
-    let mut renderer = renderer()?;
+fn places(scene: &Scene, time_s: f64, groups: bool) -> Option<Vec<Vec<[Vec3; 2]>>> {
+    let mut renderer = renderer_with(&Options { groups, ..Options::default() })?;
     renderer.set_scene(scene).expect("scene");
     renderer.set_time(&Wind { time_s });
     let of = |k: usize| {
@@ -100,8 +112,8 @@ fn places(scene: &Scene, time_s: f64) -> Option<Vec<Vec<[Vec3; 2]>>> {
 
 #[test]
 fn a_calm_moves_nothing() {
-    for [hangs, closed_form] in [[false, false], [true, false], [false, true]] {
-        let Some(leaves) = places(&scene(hangs, closed_form), 0.0) else { return };
+    for [hangs, closed_form, groups] in WAYS {
+        let Some(leaves) = places(&scene(hangs, closed_form), 0.0, groups) else { return };
         for (k, leaf) in leaves.iter().enumerate() {
             leaf.iter().for_each(|[rest, now]| assert!(rest.distance(*now) < 1e-5, "leaf {k}: {rest} {now}"));
         }
@@ -110,8 +122,8 @@ fn a_calm_moves_nothing() {
 
 #[test]
 fn sections_where_pieces_meet_are_those_beside_them() {
-    for [hangs, closed_form] in [[false, false], [true, false], [false, true]] {
-        let Some(leaves) = places(&scene(hangs, closed_form), 2.0) else { return };
+    for [hangs, closed_form, groups] in WAYS {
+        let Some(leaves) = places(&scene(hangs, closed_form), 2.0, groups) else { return };
         let moved = |k: usize| leaves[k].iter().map(|[rest, now]| *now - *rest).collect::<Vec<Vec3>>();
         let apart = |a: usize, b: usize| moved(a).iter().zip(moved(b)).map(|(a, b)| a.distance(b)).fold(0.0, f32::max);
         let tip = moved(9)[0].length();
@@ -125,6 +137,73 @@ fn sections_where_pieces_meet_are_those_beside_them() {
         assert!(apart(joint, root) < 2e-5 * LENGTH, "{}", apart(joint, root));
         // Its own tip bends besides.
         assert!(apart(root, root + 1) > 0.05 * LENGTH, "{}", apart(root, root + 1));
+    }
+}
+
+/// A straight branch of so many pieces, with a leaf at each of so many shares, most of them on no mark, and on its tip
+/// branches on branches, with a leaf on the last one's tip.
+fn long(pieces: u32, leaves: u32, above: u32) -> Scene {
+    let mut scene = scene(false, false);
+    let sections = scene.sections.as_mut().expect("sections");
+    let first = sections.poses.as_ref().expect("poses").limbs[0];
+    let share = |k: u32| k as f32 / pieces as f32;
+    let along = |share: f32| share * LENGTH * Vec3::X;
+    let mut of_pieces: Vec<Piece> =
+        (0..pieces).map(|k| Piece { begin: share(k), place: along(share(k)), way: Vec3::X }).collect();
+    let mut limbs = vec![Limb { pieces: [0, pieces], ..first }];
+    for k in 0..above {
+        of_pieces.push(Piece { begin: 0.0, place: Vec3::ZERO, way: Vec3::X });
+        let (root, on) = (along(1.0 + k as f32), if k == 0 { pieces - 1 } else { 0 });
+        limbs.push(Limb { root, parent: Some(k), at: (1.0, on), pieces: [pieces + k, 1], ..first });
+    }
+    let seat = |limb, share: f32, piece, from| Seat { limb, share, piece, from, offset: Vec3::ZERO, axis: Vec3::X };
+    let at = |k: u32| k as f32 / (leaves - 1) as f32;
+    let piece = |x: f32| ((x * pieces as f32) as u32).min(pieces - 1);
+    let mut seats: Vec<Seat> = (0..leaves).map(|k| seat(0, at(k), piece(at(k)), along(at(k)))).collect();
+    seats.push(seat(above, 1.0, if above == 0 { pieces - 1 } else { 0 }, along(1.0 + above as f32)));
+    let count = limbs.len();
+    let amplitudes = Arc::new(move |time| vec![[0.3 * time as f32, 0.4 * time as f32]; count]);
+    let poses = Poses { limbs, pieces: of_pieces, seats, closed_form: false, amplitudes, turns: None };
+    let points: Vec<Vec3> = poses.seats.iter().map(|s| s.from).collect();
+    let leaf = scene.instances[0];
+    let carried = |first| Some(Carried { first, vertices: None });
+    let hung = |(k, at): (usize, &Vec3)| {
+        let transform = Mat4::from_scale_rotation_translation(Vec3::splat(0.05), Quat::IDENTITY, *at);
+        Instance { transform, carried: carried(k as u32), ..leaf }
+    };
+    scene.instances = points.iter().enumerate().map(hung).collect();
+    (sections.count, sections.poses) = (points.len(), Some(Arc::new(poses)));
+    sections.at =
+        Arc::new(move |_| points.iter().map(|p| Section { from: *p, to: *p, turn: Quat::IDENTITY }).collect());
+    scene
+}
+
+/// Groups pose as single invocations do, also where a branch has more marks and more sections than a group has
+/// invocations, and where it has more ancestors.
+#[test]
+fn groups_of_invocations_pose_as_single_ones_do() {
+    for (pieces, leaves, above) in [(1, 5, 0), (31, 40, 1), (32, 40, 2), (33, 90, 3), (100, 17, 31), (5, 5, 40)] {
+        let scene = long(pieces, leaves, above);
+        let mut boxes = Vec::new();
+        let mut both = Vec::new();
+        for groups in [false, true] {
+            let Some(found) = places(&scene, 0.5, groups) else { return };
+            both.push(found.concat());
+            let Some(mut renderer) = renderer_with(&Options { groups, ..Options::default() }) else { return };
+            renderer.set_scene(&scene).expect("scene");
+            renderer.set_time(&Wind { time_s: 0.5 });
+            boxes.push(renderer.moving_boxes().expect("boxes"));
+        }
+        let far = |[rest, now]: &[Vec3; 2]| rest.distance(*now);
+        let moved = both[0].iter().map(far).fold(0.0, f32::max);
+        let off = both[0].iter().zip(&both[1]).map(|([_, a], [_, b])| a.distance(*b)).fold(0.0, f32::max);
+        let long = (1 + above) as f32 * LENGTH;
+        assert!(moved > 0.05 * LENGTH && off < 2e-6 * long, "{pieces} pieces: moved by {moved}, off by {off}");
+        assert_eq!(boxes[0].len(), boxes[1].len());
+        for (a, b) in boxes[0].iter().zip(&boxes[1]) {
+            let apart = |a: &[Vec3; 2], b: &[Vec3; 2]| a[0].distance(b[0]).max(a[1].distance(b[1]));
+            assert!(a.zip(*b).map_or(a == b, |(a, b)| apart(&a, &b) < 2e-6 * long), "{a:?} {b:?}");
+        }
     }
 }
 
