@@ -29,6 +29,9 @@ pub(crate) struct Levels {
     rows: Vec<[[f32; 4]; 3]>,
     rides: Vec<Carrier>,
     begins: Vec<[u32; 2]>,
+    /// The largest scale, and whether something moves an instance. A frame must not look through all instances for these.
+    largest: f32,
+    moves: bool,
     /// Whether nothing moves the instance away from its ball.
     still: Vec<bool>,
     /// Balls that hold what moves, however it moves; none where they are not known.
@@ -94,11 +97,14 @@ impl Levels {
             (instance.transform.transform_point3(centre), radius * scale, scale)
         };
         let n = instances.len();
+        let spheres: Vec<(Vec3, f32, f32)> = instances.iter().map(sphere).collect();
         Levels {
+            largest: spheres.iter().map(|s| s.2).fold(0.0, f32::max),
+            moves: instances.iter().any(|i| i.carried.is_some()),
             lit: levels.len() - outlines,
             levels,
             ball: (centre, radius),
-            spheres: instances.iter().map(sphere).collect(),
+            spheres,
             rows,
             rides,
             begins,
@@ -162,7 +168,7 @@ impl Levels {
 
     /// The coarsest level whose error stays below `most` at every instance, and its largest error.
     fn everywhere(&self, most: f32) -> (usize, f32) {
-        let scale = self.spheres.iter().map(|s| s.2).fold(0.0, f32::max);
+        let scale = self.largest;
         let fits = |k: &usize| self.levels[*k].1 * scale <= most;
         let level = (0..self.levels.len()).rev().find(fits).unwrap_or(0);
         (level, self.levels[level].1 * scale)
@@ -170,7 +176,7 @@ impl Levels {
 
     /// The level for shadow maps whose texels have this side, and its largest error.
     fn in_maps(&self, texel: f32) -> (usize, f32) {
-        self.everywhere(texel * if self.still.contains(&false) { TEXELS_MOVING } else { TEXELS })
+        self.everywhere(texel * if self.moves { TEXELS_MOVING } else { TEXELS })
     }
 
     /// Range of indices for the shadow pass, for maps whose texels have this side.

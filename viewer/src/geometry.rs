@@ -192,6 +192,11 @@ impl Batch {
         self.rides.as_ref().filter(|_| self.variant.bend.is_none())
     }
 
+    /// Whether the next picture needs instances that are moved before it, or its shadow `maps` do.
+    pub(crate) fn places(&self, maps: bool) -> bool {
+        self.moving_whole().is_some() && (self.choice.is_none() || maps && self.casts)
+    }
+
     /// Moves the instances, if they move as wholes, as far as a picture needs it, and shadow maps if there are `maps`.
     /// What the adapter chooses for a picture it moves itself.
     pub(crate) fn place(
@@ -202,7 +207,7 @@ impl Batch {
         bend: &BendPass,
         maps: bool,
     ) {
-        let Some(rides) = self.moving_whole().cloned() else { return };
+        let Some(rides) = self.moving_whole().cloned().filter(|_| self.places(maps)) else { return };
         let (chosen, thinned) = (self.choice.is_some(), self.levels.thinned());
         if !chosen || (maps && self.casts && thinned.is_none()) {
             place.record(gpu, pass, bend, (&self.instances, &rides, self.count), &mut self.placed.all);

@@ -179,6 +179,9 @@ impl BendPass {
     /// Runs the vertex stage's function on vertices, which `rides` carry: each has its place from its section's point,
     /// its normal and its tangent, in the scene's axes.
     pub(crate) fn probe(&self, gpu: &Gpu, rides: &[Carrier], vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
+        if let Some(pose) = &self.pose {
+            pose.now(gpu);
+        }
         let defines = defines(Defines::default(), Some(Ride::Instances), 0);
         let source = assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {

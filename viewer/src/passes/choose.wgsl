@@ -166,7 +166,7 @@ fn sum_up(@builtin(local_invocation_index) own: u32) {
     let groups = plan.numbers.y;
     let share = (groups + 255u) / 256u;
     var base = 0u;
-    for (var level = 0u; level < LEVELS; level++) {
+    for (var level = 0u; level < plan.numbers.z; level++) {
         var sum = 0u;
         for (var n = own * share; n < min((own + 1u) * share, groups); n++) {
             sum += counts[n][level];

@@ -3,7 +3,7 @@
 use crate::gpu::Gpu;
 use crate::passes::main::Frame;
 use crate::passes::pose::{Kernel, PosePass};
-use crate::passes::shadow::STRIDE;
+use crate::passes::shadow::{STRIDE, depth};
 use crate::shader::{Defines, assemble};
 use glam::Vec3;
 use wgpu::BufferUsages as Use;
@@ -17,6 +17,7 @@ pub(crate) struct FitPass {
     still: Vec<Vec3>,
     layers: usize,
     used: wgpu::Buffer,
+    clearing: wgpu::RenderPipeline,
     /// The side of the maps' texture, and of its corner in which they are drawn (texels).
     resolution: u32,
     pub side: u32,
@@ -53,7 +54,8 @@ impl FitPass {
         let used = gpu.uniform("used part of shadow maps", &[[resolution as f32, 1.0, 0.0, 0.0]]);
         let resources = [(0, parts), (1, &lights), (2, &fitted), (3, &used)].map(|(k, b)| (k, b.as_entire_binding()));
         let kernel = Kernel::new(gpu, &module, "fit_maps", &resources, 1);
-        FitPass { kernel, lights, fitted, still, layers, used, resolution, side: resolution }
+        let clearing = clearing(gpu);
+        FitPass { kernel, lights, fitted, still, layers, used, clearing, resolution, side: resolution }
     }
 
     /// How many texels wide and high the maps have to be so that a texel is not wider than a pixel, which is `pixel` mm
@@ -98,11 +100,42 @@ impl FitPass {
         }
     }
 
+    /// Restricts a map's pass to the corner in which it is drawn, and clears it.
+    pub(crate) fn begin(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_viewport(0.0, 0.0, self.side as f32, self.side as f32, 0.0, 1.0);
+        pass.set_pipeline(&self.clearing);
+        pass.draw(0..3, 0..1);
+    }
+
     /// Writes the side of a texel into a frame's constants.
     pub(crate) fn texel(&self, encoder: &mut wgpu::CommandEncoder, frame: &wgpu::Buffer) {
         let to = std::mem::offset_of!(Frame, shadow) as u64;
         encoder.copy_buffer_to_buffer(&self.fitted, (self.layers * STRIDE) as u64, frame, to, 4);
     }
+}
+
+/// Covers all that it is drawn into with the largest depth.
+fn clearing(gpu: &Gpu) -> wgpu::RenderPipeline {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("clearing"),
+        source: wgpu::ShaderSource::Wgsl(include_str!("clearing.wgsl").into()),
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("clearing"),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(depth(wgpu::CompareFunction::Always)),
+        multisample: Default::default(),
+        fragment: None,
+        multiview_mask: None,
+        cache: None,
+    })
 }
 
 /// For each map its axes, the direction to the sun, and the extents of what stands still.

@@ -18,8 +18,8 @@ fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
     for (var i = 0u; i < SHADOW_LAYERS; i++) {
         let p = (shadow_matrices[i] * lifted).xyz;
         // Beside the map nothing casts a shadow. Beyond its depth, everything in the map casts one.
-        let within = all(abs(p.xy) <= vec2f(1.0));
         let place = vec2f(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.y);
+        let within = all(place >= vec2f(0.0)) && all(place <= vec2f(frame.shadow.z));
         let open = textureSampleCompareLevel(shadow_map, shadow_sampler, place, i, min(p.z, 0.999999));
         seen += select(1.0, open, within);
     }

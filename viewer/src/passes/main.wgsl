@@ -10,7 +10,8 @@ struct Frame {
     sun_direction: vec4f,
     sun_irradiance: vec4f,
     sky: vec4f,
-    // x: side of a shadow texel, y: the largest distance between levels of detail (mm).
+    // x: side of a shadow texel, y: the largest distance between levels of detail (mm). z: the share of the side of the
+    // maps' texture up to which it holds the maps.
     shadow: vec4f,
     // A scanner's tube. x: its place along its travel, y: half its length, z: its radius, w: its height.
     tube: vec4f,

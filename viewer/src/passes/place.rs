@@ -93,6 +93,10 @@ impl PlacePass {
         bend: &BendPass,
         maps: bool,
     ) {
+        // A GPU needs time for a pass in which nothing is done, too.
+        if !batches.iter().any(|batch| batch.places(maps)) {
+            return;
+        }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         batches.iter_mut().for_each(|batch| batch.place(gpu, &mut pass, self, bend, maps));
     }

@@ -11,6 +11,7 @@ use crate::scene::{Poses, Scene, Seat};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use glam::Vec3;
+use std::cell::Cell;
 use std::sync::Arc;
 use wgpu::BufferUsages as Use;
 
@@ -79,6 +80,10 @@ pub(crate) struct PosePass {
     kernels: Vec<Kernel>,
     /// Makes the boxes of parts. It is only needed where something reads them.
     enclose: Kernel,
+    /// Whether a new pose may wait for the next frame's commands, and whether one does. On a GPU a submission of its own
+    /// costs time. On a software adapter it begins while the frame's commands are recorded.
+    waits: bool,
+    due: Cell<bool>,
 }
 
 /// Whether an adapter can pose what a scene has. If not, the CPU does.
@@ -167,7 +172,8 @@ impl PosePass {
             ]
         };
         let enclose = of("enclose_parts", &enclosed, if groups { n } else { n.div_ceil(64) });
-        PosePass { poses: poses.clone(), amplitudes, turns, parts, kernels, enclose }
+        let (waits, due) = (groups, Cell::new(false));
+        PosePass { poses: poses.clone(), amplitudes, turns, parts, kernels, enclose, waits, due }
     }
 
     /// Poses everything at a time (s).
@@ -176,11 +182,24 @@ impl PosePass {
         if let (Some(buffer), Some(turns)) = (&self.turns, &self.poses.turns) {
             gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&turns(time)));
         }
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        {
+        self.due.set(true);
+        if !self.waits {
+            self.now(gpu);
+        }
+    }
+
+    /// Records the passes of the last time that was set, unless they have been.
+    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        if self.due.replace(false) {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             self.kernels.iter().for_each(|kernel| kernel.record(&mut pass));
         }
+    }
+
+    /// Poses at once.
+    pub(crate) fn now(&self, gpu: &Gpu) {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        self.record(&mut encoder);
         gpu.queue.submit([encoder.finish()]);
     }
 
@@ -191,6 +210,7 @@ impl PosePass {
 
     /// The boxes around what each branch carries; `None` for a branch that carries nothing.
     pub(crate) fn boxes(&self, gpu: &Gpu) -> Result<Vec<Option<[Vec3; 2]>>> {
+        self.now(gpu);
         let back = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("parts back"),
             size: self.parts.size(),

@@ -236,6 +236,13 @@ impl ShadowPass {
         texel * self.resolution as f32 / fit.side as f32
     }
 
+    /// The share of the texture's side up to which it holds the maps. What was in the rest is not cleared.
+    pub(crate) fn share(&self) -> f32 {
+        let side = self.fit.as_ref().map_or(self.resolution, |fit| fit.side);
+        // A comparison reads the texels on both sides. The maps' rim is wider than one.
+        if side < self.resolution { (side - 1) as f32 / self.resolution as f32 } else { 1.0 }
+    }
+
     /// Draws the maps, whose texels have about the side `texel` (mm), unless they are still valid. `times` records a
     /// timestamp before and after the layers. Maps that follow what moves write the true side into `frame`.
     pub(crate) fn draw(
@@ -259,6 +266,9 @@ impl ShadowPass {
         }
         stats.shadow_triangles = 0;
         stats.shadow_side = self.fit.as_ref().map_or(self.resolution, |fit| fit.side);
+        // To clear a large texture takes longer than to draw a tree into its corner.
+        let corner = self.fit.as_ref().filter(|fit| fit.side < self.resolution);
+        let load = if corner.is_some() { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(1.0) };
         for (i, layer) in self.layers.iter().enumerate() {
             let timestamp_writes = times.map(|(query_set, base)| wgpu::RenderPassTimestampWrites {
                 query_set,
@@ -272,15 +282,15 @@ impl ShadowPass {
                 color_attachments: &[],
                 depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                     view: layer,
-                    depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Store }),
+                    depth_ops: Some(wgpu::Operations { load, store: wgpu::StoreOp::Store }),
                     stencil_ops: None,
                 }),
                 timestamp_writes,
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
-            if let Some(fit) = &self.fit {
-                pass.set_viewport(0.0, 0.0, fit.side as f32, fit.side as f32, 0.0, 1.0);
+            if let Some(fit) = corner {
+                fit.begin(&mut pass);
             }
             pass.set_bind_group(0, &self.light_group, &[(i * STRIDE) as u32]);
             if let Some(bend) = bend {
@@ -316,6 +326,17 @@ impl ShadowPass {
     }
 }
 
+/// A depth target of a shadow map.
+pub(crate) fn depth(compare: wgpu::CompareFunction) -> wgpu::DepthStencilState {
+    wgpu::DepthStencilState {
+        format: FORMAT,
+        depth_write_enabled: Some(true),
+        depth_compare: Some(compare),
+        stencil: Default::default(),
+        bias: Default::default(),
+    }
+}
+
 fn pipeline(
     gpu: &Gpu,
     light: &wgpu::BindGroupLayout,
@@ -344,13 +365,7 @@ fn pipeline(
             buffers: &vertex_layouts(false, false, mask.is_some(), variant.bend, false, false),
         },
         primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::LessEqual),
-            stencil: Default::default(),
-            bias: Default::default(),
-        }),
+        depth_stencil: Some(depth(wgpu::CompareFunction::LessEqual)),
         multisample: Default::default(),
         fragment: mask.map(|_| wgpu::FragmentState {
             module: &module,

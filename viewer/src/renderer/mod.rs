@@ -288,6 +288,9 @@ impl Renderer {
                 None => batch.levels.apart(texel),
             });
         }
+        if let Some(pose) = loaded.bend.as_ref().and_then(|b| b.pose.as_ref()) {
+            pose.record(encoder);
+        }
         if let (Some(place), Some(bend)) = (&loaded.place, &loaded.bend) {
             let maps = loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn());
             place.all(&self.gpu, encoder, &mut loaded.batches, bend, maps);
@@ -308,7 +311,7 @@ impl Renderer {
             sun_direction: four(loaded.sun.map_or(Vec3::Z, |s| s.direction.normalize())),
             sun_irradiance: colour(loaded.sun.map_or([0.0; 3], |s| s.irradiance)),
             sky: colour(loaded.sky.unwrap_or([0.0; 3])),
-            shadow: [texel, apart, 0.0, 0.0],
+            shadow: [texel, apart, loaded.shadow.as_ref().map_or(1.0, ShadowPass::share), 0.0],
             tube: loaded.scanner.map_or([0.0; 4], |s| [s.at_mm, 0.5 * s.length_mm, s.radius_mm, s.height_mm]),
             travel: loaded
                 .scanner

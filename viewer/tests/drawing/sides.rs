@@ -254,7 +254,9 @@ fn maps_of_both_sides_are_filtered_along_the_pixel() {
                 pictures.push(found);
             }
             let apart = pictures[0].iter().zip(&pictures[1]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
-            assert!(apart < held(&renderer, 1e-3), "{way}, along {along}: the sides are {apart} apart");
+            // Weights of 8 bits, one for each side.
+            let weights = if on_gpu(&renderer) { 2.0 / 256.0 } else { 0.0 };
+            assert!(apart < held(&renderer, 1e-3).max(weights), "{way}, along {along}: the sides are {apart} apart");
         }
     }
 }

@@ -32,9 +32,16 @@ pub fn renderer_with(options: &Options) -> Option<Renderer> {
     }
 }
 
-/// The tolerance `relative`, or a larger one where the adapter's formats are less precise.
+/// Whether a GPU draws. It places vertices on a grid of 1/256 pixel, filters maps with weights of 8 bits, and rounds
+/// quotients and roots otherwise than a processor does.
+pub fn on_gpu(renderer: &Renderer) -> bool {
+    !renderer.adapter().is_software
+}
+
+/// The tolerance `relative`, or a larger one where the adapter or its formats are less precise.
 pub fn held(renderer: &Renderer, relative: f64) -> f64 {
-    if renderer.adapter().half_precision { relative.max(2e-3) } else { relative }
+    let least = if renderer.adapter().half_precision { 2e-3 } else { 0.0f64 };
+    relative.max(least).max(if on_gpu(renderer) { 1e-3 } else { 0.0 })
 }
 
 /// A flat square of `half` mm to each side in the plane z = 0, front up. u grows with x, and v falls with y.
