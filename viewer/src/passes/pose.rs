@@ -48,7 +48,11 @@ impl Kernel {
             layout: None,
             module,
             entry_point: Some(entry),
-            compilation_options: Default::default(),
+            // What groups share, they write before they read it.
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            },
             cache: None,
         });
         let entries: Vec<wgpu::BindGroupEntry<'_>> = resources
