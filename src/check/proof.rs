@@ -113,7 +113,7 @@ fn judge(manifest: &Manifest, picture: &gpu::Picture, options: &Options, out: &m
     } else if path.is_file() {
         let seen = golden::compare(&path, picture, manifest.exposure)?;
         out.golden = Some(seen.figures);
-        if let Some(why) = seen.figures.missed(out.card) {
+        if let Some(why) = seen.figures.missed() {
             let difference = options.out.join(format!("{}-small-difference.png", out.name));
             image::write_png(&difference, w, h, &seen.difference)?;
             out.why.push(format!(
