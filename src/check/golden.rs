@@ -5,7 +5,7 @@
 //! The limits follow from how far two adapters may differ, not from the effect of a changed fit. On Mesa's software
 //! adapter, Vulkan stores maps in 32 bits and OpenGL in 16, as many GPUs do. Between the two, the committed scenes
 //! differ by a mean FLIP of at most 4.0e-4, and 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off.
-//! An NVIDIA H200 differs from both by at most 6.4e-4, and in 7.3e-4 of the pixels. The limits are somewhat higher.
+//! An NVIDIA H200 differs from the goldens by at most 6.4e-4, and in 7.3e-4 of the pixels. The limits are somewhat higher.
 //! Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel. A ground or a
 //! card of one colour, however, may as a whole be rounded to another step than in the golden, as by that GPU. So where a
 //! value lies on the border of two steps, both are right ([`settled`]).

@@ -232,7 +232,7 @@ mod moving {
         // Branches are posed by one invocation each, and by groups.
         let mut renderers = Vec::new();
         for groups in [false, true] {
-            match Renderer::headless(&Options { groups, ..Options::default() }) {
+            match Renderer::headless(&Options { groups: Some(groups), ..Options::default() }) {
                 Ok(mut renderer) => {
                     renderer.set_scene(&drawn).unwrap();
                     renderers.push(renderer);

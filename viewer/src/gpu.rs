@@ -14,8 +14,9 @@ pub struct Options {
     /// Moves each vertex where it is drawn, even of what moves as a whole, and chooses on the CPU what a picture shows,
     /// as adapters without indirect draws do.
     pub plain: bool,
-    /// Shares the work on each branch of a plant among a group of invocations, as GPUs do, on a software adapter too.
-    pub groups: bool,
+    /// Whether a group of invocations shares the work on each branch of a plant. Else GPUs do so, and software adapters
+    /// do not.
+    pub groups: Option<bool>,
 }
 
 /// A graphics interface.
@@ -83,6 +84,40 @@ pub fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
     descriptor.with_env()
 }
 
+/// An instance without a window, from which [`Gpu::open`] opens what `options` and the environment allow. OpenGL is only
+/// touched where Vulkan has no GPU: a driver needs time to open it, and one hung where several threads did so at once.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) fn headless(options: &Options) -> wgpu::Instance {
+    let by = |backend| wgpu::Instance::new(instance_descriptor(&Options { backend, ..*options }));
+    if options.backend != Backend::Any || std::env::var_os("WGPU_BACKEND").is_some() {
+        return by(options.backend);
+    }
+    // Whether an instance has a GPU; `None` where it has nothing.
+    let gpu =
+        |instance: &wgpu::Instance| Some(!is_software(&pollster::block_on(best(instance, None)).ok()?.get_info()));
+    let vulkan = by(Backend::Vulkan);
+    match gpu(&vulkan) {
+        Some(true) => vulkan,
+        None => by(Backend::Gl),
+        Some(false) => Some(by(Backend::Gl)).filter(|gl| gpu(gl) == Some(true)).unwrap_or(vulkan),
+    }
+}
+
+/// The best adapter of an instance; with a `surface`, one that can show pictures on it.
+async fn best(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<wgpu::Adapter> {
+    let request = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        force_fallback_adapter: false,
+        compatible_surface: surface,
+        apply_limit_buckets: false,
+    };
+    instance.request_adapter(&request).await.map_err(|_| Error::NoAdapter)
+}
+
+fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    info.device_type == wgpu::DeviceType::Cpu || info.name.to_lowercase().contains("llvmpipe")
+}
+
 impl Gpu {
     /// Opens the best adapter; with a `surface`, one that can show pictures on it.
     ///
@@ -102,17 +137,11 @@ impl Gpu {
         surface: Option<&wgpu::Surface<'_>>,
         options: &Options,
     ) -> Result<Gpu> {
-        let request = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            force_fallback_adapter: false,
-            compatible_surface: surface,
-            apply_limit_buckets: false,
-        };
-        let adapter = instance.request_adapter(&request).await.map_err(|_| Error::NoAdapter)?;
+        let adapter = best(instance, surface).await?;
         let raw = adapter.get_info();
         let mut info = AdapterInfo {
             half_precision: false,
-            is_software: raw.device_type == wgpu::DeviceType::Cpu || raw.name.to_lowercase().contains("llvmpipe"),
+            is_software: is_software(&raw),
             backend: raw.backend.to_string(),
             driver: format!("{} {}", raw.driver, raw.driver_info).trim().to_string(),
             name: raw.name,
@@ -146,7 +175,7 @@ impl Gpu {
             hdr_format: pick(renderable),
             timestamps: features.contains(Features::TIMESTAMP_QUERY),
             places: !options.plain,
-            groups: options.groups || !info.is_software,
+            groups: options.groups.unwrap_or(!info.is_software),
             chooses: !options.plain
                 && features.contains(Features::INDIRECT_FIRST_INSTANCE)
                 && raw.backend != wgpu::Backend::Gl,

@@ -3,6 +3,7 @@
 //! one, and only when its light changes), main, grass (drawn within main, only in scenes with grass), bloom (only in
 //! scenes that have it), tonemap, and motion (only when a caller asks for motion vectors). `bend` is shared by shadow,
 //! main and motion where branches bend; `pose` bends them on the adapter, and `fit` fits shadow maps to what moves.
+//! `reach` knows how far that may move.
 
 pub(crate) mod backdrop;
 pub(crate) mod bend;

@@ -1,7 +1,6 @@
-//! Poses plants on the adapter, once for each time: see `pose.wgsl`, and `pose_alone.wgsl` and
-//! `pose_groups.wgsl` for the passes. The CPU gives an amplitude for each branch, and
-//! everything else stays on the adapter: the sections for the vertex stage, boxes around what moves, and the matrices
-//! of shadow maps that are fitted to these boxes.
+//! Poses plants on the adapter, once for each time: see `pose.wgsl`, and `pose_alone.wgsl` and `pose_groups.wgsl` for
+//! the passes. The CPU gives an amplitude for each branch, and everything else stays on the adapter: the sections for
+//! the vertex stage, boxes around what moves, and the matrices of shadow maps that are fitted to these boxes.
 
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -19,7 +18,8 @@ use wgpu::BufferUsages as Use;
 const LIMB: usize = 128;
 const MARK: usize = 32;
 const BOX_AT_REST: usize = 64;
-/// The largest number of sections that one invocation seats beside those on marks, of which it seats a branch's own.
+/// The largest number of sections that one invocation of `pose_alone.wgsl` seats beside those on marks, of which it seats
+/// a branch's own.
 const LONGEST: usize = 8;
 /// Invocations in a group that poses one branch.
 const LANES: usize = 32;
@@ -48,7 +48,7 @@ impl Kernel {
             layout: None,
             module,
             entry_point: Some(entry),
-            // What groups share, they write before they read it.
+            // Groups use nothing of what they share before it is written.
             compilation_options: wgpu::PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,
                 ..Default::default()
@@ -113,8 +113,8 @@ impl PosePass {
         sections: &wgpu::Buffer,
         stats: &mut Stats,
     ) -> PosePass {
+        let groups = in_groups(gpu, poses);
         let order = order(poses);
-        let runs = runs(poses, &order);
         let mut put = |label: &str, bytes: &[u8]| {
             stats.upload(label, bytes.len() as u64);
             gpu.buffer(label, if bytes.is_empty() { &[0; 16] } else { bytes }, Use::STORAGE)
@@ -124,7 +124,8 @@ impl PosePass {
         let hangs = poses.turns.is_some() || poses.seats.iter().any(|s| s.offset != Vec3::ZERO);
         let seats = put("seats of sections", bytemuck::cast_slice(&seats(poses, &order, hangs)));
         let at_rest = put("boxes of sections", bytemuck::cast_slice(&oriented(poses, &order, &boxes(scene, poses))));
-        let of_runs = put("runs of seats", bytemuck::cast_slice(&runs));
+        let runs = if groups { Vec::new() } else { runs(poses, &order) };
+        let of_runs = (!groups).then(|| put("runs of seats", bytemuck::cast_slice(&runs)));
         let made = |label: &str, bytes: usize, usage: Use| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -139,7 +140,6 @@ impl PosePass {
         let marks = made("marks", MARK * (poses.pieces.len() + n), Use::empty());
         let states = made("states", 80 * n, Use::empty());
         let parts = made("parts", 32 * n, Use::COPY_SRC);
-        let groups = in_groups(gpu, poses);
         let by = if groups { include_str!("pose_groups.wgsl") } else { include_str!("pose_alone.wgsl") };
         let defines = bend::defines(Defines::default(), Some(Ride::Instances), 0)
             .constant("STEPS", if poses.closed_form { 0 } else { STEPS })
@@ -163,7 +163,7 @@ impl PosePass {
         let mut carried = vec![(0, &limbs), (2, &seats), (7, &marks), (8, &states), (10, sections)];
         carried.extend(turns.as_ref().map(|turns| (4, turns)));
         let seated = [carried.as_slice(), &[(1, &pieces)]].concat();
-        let in_runs = [seated.as_slice(), &[(6, &of_runs)]].concat();
+        let in_runs: Vec<_> = seated.iter().copied().chain(of_runs.as_ref().map(|runs| (6, runs))).collect();
         let enclosed = [(0, &limbs), (2, &seats), (5, &at_rest), (9, &parts), (10, sections)];
         let kernels = if groups {
             vec![of("bend_limbs", &bent, n), of("seat_sections", &seated, n)]
@@ -235,12 +235,15 @@ impl PosePass {
 /// Whether a group of invocations shares the work on each branch. That is what a GPU is quick at, which has thousands of
 /// invocations waiting side by side. A software adapter has few, and is quicker where each has a branch of its own.
 fn in_groups(gpu: &Gpu, poses: &Poses) -> bool {
+    let most = gpu.device.limits().max_compute_workgroups_per_dimension as usize;
+    if !gpu.groups || poses.limbs.len() > most {
+        return false;
+    }
     let mut depths: Vec<usize> = Vec::with_capacity(poses.limbs.len());
     for limb in &poses.limbs {
         depths.push(limb.parent.map_or(1, |parent| depths[parent as usize] + 1));
     }
-    let most = gpu.device.limits().max_compute_workgroups_per_dimension as usize;
-    gpu.groups && depths.len() <= most && depths.iter().all(|depth| *depth <= LANES)
+    depths.iter().all(|depth| *depth <= LANES)
 }
 
 /// A number whose bits a shader reads as an integer.

@@ -208,6 +208,7 @@ impl ShadowPass {
     /// Lets the maps follow the boxes of `parts`, which move on the adapter, and points that stand `still`.
     pub(crate) fn follow(&mut self, gpu: &Gpu, parts: &wgpu::Buffer, sun: &Sun, still: Vec<Vec3>, stats: &mut Stats) {
         stats.pipeline("shadow: fit");
+        stats.pipeline("shadow: clear");
         let directions = disk_directions(sun, self.layers.len() as u32);
         self.fit = Some(FitPass::new(gpu, parts, &directions, still, self.resolution));
     }
@@ -266,7 +267,8 @@ impl ShadowPass {
         }
         stats.shadow_triangles = 0;
         stats.shadow_side = self.fit.as_ref().map_or(self.resolution, |fit| fit.side);
-        // To clear a large texture takes longer than to draw a tree into its corner.
+        // To clear a large texture takes longer than to draw a tree into its corner. (A mobile GPU, which loads what is not
+        // cleared, may see it otherwise.)
         let corner = self.fit.as_ref().filter(|fit| fit.side < self.resolution);
         let load = if corner.is_some() { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(1.0) };
         for (i, layer) in self.layers.iter().enumerate() {

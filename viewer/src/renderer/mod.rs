@@ -53,7 +53,8 @@ pub struct Renderer {
     targets: Option<TargetSet>,
     /// Whether a scene's backdrop is seen.
     backdrop_shown: bool,
-    /// The last frame that nobody has waited for.
+    /// The last frame of `draw_ahead`.
+    #[cfg(not(target_arch = "wasm32"))]
     under_way: Option<wgpu::SubmissionIndex>,
     stats: Stats,
 }
@@ -112,6 +113,7 @@ impl Renderer {
             loaded: None,
             targets: None,
             backdrop_shown: true,
+            #[cfg(not(target_arch = "wasm32"))]
             under_way: None,
             stats: Stats::default(),
             gpu,

@@ -2,7 +2,7 @@
 
 use super::Renderer;
 use crate::error::{Error, Result};
-use crate::gpu::{Backend, Gpu, Options, instance_descriptor};
+use crate::gpu::{Gpu, Options, headless};
 use crate::picture::Picture;
 use crate::readback::Copy;
 use crate::scene::Camera;
@@ -14,24 +14,7 @@ impl Renderer {
     /// # Errors
     /// `NoAdapter` where nothing can draw, `Device` where the adapter refuses.
     pub fn headless(options: &Options) -> Result<Renderer> {
-        let open = |backend| {
-            let options = Options { backend, ..*options };
-            Gpu::open(&wgpu::Instance::new(instance_descriptor(&options)), None, &options)
-        };
-        if options.backend != Backend::Any || std::env::var_os("WGPU_BACKEND").is_some() {
-            return open(options.backend).map(Renderer::on);
-        }
-        // Where Vulkan has a GPU, OpenGL is not touched: a driver needs time to open it.
-        let of_vulkan = open(Backend::Vulkan);
-        if of_vulkan.as_ref().is_ok_and(|gpu| !gpu.info.is_software) {
-            return of_vulkan.map(Renderer::on);
-        }
-        let of_gl = open(Backend::Gl);
-        match (of_vulkan, of_gl) {
-            (Ok(_), Ok(gl)) if !gl.info.is_software => Ok(Renderer::on(gl)),
-            (Ok(gpu), _) | (Err(_), Ok(gpu)) => Ok(Renderer::on(gpu)),
-            (Err(Error::NoAdapter), Err(error)) | (Err(error), _) => Err(error),
-        }
+        Ok(Renderer::on(Gpu::open(&headless(options), None, options)?))
     }
 
     /// Draws a picture of `width` × `height` pixels.

@@ -2,8 +2,10 @@
 
 use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
-use mesophyll_viewer::scene::{Carried, Instance, Limb, Piece, Poses, Scene, Seat, Section, Sections, Wind};
-use mesophyll_viewer::{Picture, Renderer};
+use mesophyll_viewer::scene::{
+    Carried, Instance, Limb, Material, Opaque, Piece, Poses, Scene, Seat, Section, Sections, Wind,
+};
+use mesophyll_viewer::{Options, Picture, Renderer};
 use std::sync::Arc;
 
 /// A small leaf at the tip of a branch, which sways, above a large leaf that stands still.
@@ -51,6 +53,11 @@ fn look(renderer: &mut Renderer, distance: f32) -> Picture {
     renderer.render(&camera(Vec3::new(0.5, -0.6, 0.9), distance), 64, 64).expect("picture")
 }
 
+/// How many pixels differ by more than 5 %.
+fn differing(a: &Picture, b: &Picture) -> usize {
+    a.hdr.iter().zip(&b.hdr).filter(|(p, q)| (p[1] - q[1]).abs() > 0.05 * p[1].max(q[1])).count()
+}
+
 #[test]
 fn far_pictures_have_coarser_maps_with_the_same_shadows() {
     let Some(mut renderer) = renderer() else { return };
@@ -64,14 +71,74 @@ fn far_pictures_have_coarser_maps_with_the_same_shadows() {
             look(&mut renderer, distance)
         };
         let [coarse, fine, unshaded] = [&scene, &full, &lit].map(|scene| draw(scene, 100.0));
-        let differing = |a: &Picture, b: &Picture| {
-            a.hdr.iter().zip(&b.hdr).filter(|(p, q)| (p[1] - q[1]).abs() > 0.05 * p[1].max(q[1])).count()
-        };
         // The shadow is some hundred pixels, and only its edge is drawn otherwise.
         let (shaded, off) = (differing(&fine, &unshaded), differing(&coarse, &fine));
         assert!(shaded > 80 && off > 0 && 4 * off < shaded, "{off} of {shaded} pixels");
         // From near, all texels are used.
         assert!(draw(&scene, 20.0).hdr == draw(&full, 20.0).hdr, "{time_s} s");
+    }
+}
+
+/// The same above a floor that is much larger than what casts shadows, and casts none.
+fn above_floor() -> Scene {
+    let mut scene = scene();
+    let grey = Material::Opaque(Opaque { name: "floor".into(), albedo: [0.3, 0.3, 0.3] });
+    let floor = scene.add(square(100.0), grey);
+    scene.instances.push(Instance { transform: Mat4::from_translation(-Vec3::Z), floor: true, ..floor });
+    scene
+}
+
+/// What lies beside coarse maps is in no shadow: neither where nothing was ever drawn into their texture, nor where finer
+/// maps were.
+#[test]
+fn beside_the_maps_nothing_is_shaded() {
+    let scene = above_floor();
+    let picture = |scene: &Scene, distances: &[f32]| {
+        let mut renderer = renderer()?;
+        renderer.set_scene(scene).expect("scene");
+        renderer.set_time(&Wind { time_s: 1.0 });
+        let last = distances.iter().map(|d| look(&mut renderer, *d)).last();
+        Some((last.expect("picture"), renderer.stats().shadow_side))
+    };
+    let Some((coarse, side)) = picture(&scene, &[100.0]) else { return };
+    let Some((full, all)) = picture(&Scene { in_full: true, ..scene.clone() }, &[100.0]) else { return };
+    let Some((lit, _)) = picture(&Scene { shadow_samples: 0, ..scene.clone() }, &[100.0]) else { return };
+    let Some((later, _)) = picture(&scene, &[20.0, 100.0]) else { return };
+    assert!(2 * side <= all, "{side} of {all} texels");
+    let (shaded, off) = (differing(&full, &lit), differing(&coarse, &full));
+    // Only edges of shadows are drawn otherwise. The floor is most of the 4,096 pixels.
+    assert!(shaded > 80 && 2 * off < shaded, "{off} of {shaded} pixels");
+    assert!(later.hdr == coarse.hdr);
+}
+
+/// A frame shows the pose of the time that was set last, whether it is posed at once or with the frame.
+#[test]
+fn a_frame_shows_the_time_that_was_set_last() {
+    let scene = above_floor();
+    let mut shown = Vec::new();
+    for groups in [false, true] {
+        let options = Options { groups: Some(groups), ..Options::default() };
+        let Some(mut renderer) = renderer_with(&options) else { return };
+        renderer.set_scene(&scene).expect("scene");
+        let mut at = |times: &[f64]| {
+            times.iter().for_each(|t| renderer.set_time(&Wind { time_s: *t }));
+            (look(&mut renderer, 100.0), renderer.drawn_instances().expect("instances"))
+        };
+        // Without a time, that of the scene.
+        shown.push([at(&[]), at(&[1.0]), at(&[3.0, 2.0]), at(&[])]);
+    }
+    let few = shown[0][0].0.hdr.len() / 100;
+    for both in &shown {
+        assert!(differing(&both[0].0, &both[1].0) > 4 * few && differing(&both[1].0, &both[2].0) > 4 * few);
+        assert!(both[2].0.hdr == both[3].0.hdr);
+    }
+    for (alone, group) in shown[0].iter().zip(&shown[1]) {
+        assert!(differing(&alone.0, &group.0) < few);
+        assert_eq!(alone.1.len(), group.1.len());
+        for ((kind, rows), (other, own)) in alone.1.iter().zip(&group.1) {
+            let near = rows.as_flattened().iter().zip(own.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-4);
+            assert!(kind == other && near, "{rows:?} {own:?}");
+        }
     }
 }
 

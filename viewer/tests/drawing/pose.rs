@@ -96,7 +96,7 @@ const WAYS: [[bool; 3]; 6] = [
 
 /// Where the vertices of each leaf of a scene are, at rest and at a time.
 fn places(scene: &Scene, time_s: f64, groups: bool) -> Option<Vec<Vec<[Vec3; 2]>>> {
-    let mut renderer = renderer_with(&Options { groups, ..Options::default() })?;
+    let mut renderer = renderer_with(&Options { groups: Some(groups), ..Options::default() })?;
     renderer.set_scene(scene).expect("scene");
     renderer.set_time(&Wind { time_s });
     let of = |k: usize| {
@@ -189,7 +189,9 @@ fn groups_of_invocations_pose_as_single_ones_do() {
         for groups in [false, true] {
             let Some(found) = places(&scene, 0.5, groups) else { return };
             both.push(found.concat());
-            let Some(mut renderer) = renderer_with(&Options { groups, ..Options::default() }) else { return };
+            let Some(mut renderer) = renderer_with(&Options { groups: Some(groups), ..Options::default() }) else {
+                return;
+            };
             renderer.set_scene(&scene).expect("scene");
             renderer.set_time(&Wind { time_s: 0.5 });
             boxes.push(renderer.moving_boxes().expect("boxes"));
