@@ -286,7 +286,15 @@ fn vulkan_and_gl_agree() {
         renderer.set_scene(&scene).expect("scene");
         Some(renderer.render(&camera(Vec3::new(0.6, 0.0, 1.0), 80.0), 48, 48).expect("picture"))
     };
-    let (Some(a), Some(b)) = (draw(Backend::Vulkan), draw(Backend::Gl)) else { return };
+    let Some(a) = draw(Backend::Vulkan) else { return };
+    // wgpu cannot open some GPUs by OpenGL that Vulkan opens (gfx-rs/wgpu issues 4751 and 7068).
+    if let Err(error @ Error::Device { .. }) =
+        Renderer::headless(&Options { backend: Backend::Gl, ..Options::default() })
+    {
+        skips::skip(skips::Need::Adapter, &format!("OpenGL: {error}"));
+        return;
+    }
+    let Some(b) = draw(Backend::Gl) else { return };
     let differing = a.ldr.iter().zip(&b.ldr).filter(|(p, q)| p.iter().zip(*q).any(|(s, t)| s.abs_diff(*t) > 2)).count();
     // The silhouette may fall on either side of a pixel's centre.
     assert!(differing < 48, "{differing} pixels differ");
