@@ -33,6 +33,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     claim::begin(&args.out, claim::Kind::Import)?;
     table::write(&found, &args.out)?;
     let unattached = found.branches.iter().filter(|b| b.unattached.is_some()).count();
+    let above = found.branches.iter().filter(|b| b.level.is_none()).count() - unattached;
+    let on_these = if above > 0 { format!(", {above} more on these") } else { String::new() };
     let hung = found.leaves.iter().filter(|l| l.joint.is_some()).count();
     let summary = serde_json::json!({
         "pieces": found.branches.len() + found.leaves.len() + found.others.len(),
@@ -48,7 +50,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         crate::print_json(&summary)?;
     } else {
         progress::say(format!(
-            "{}: {} branches ({unattached} not attached), {} leaves ({hung} on branches), {} other pieces",
+            "{}: {} branches ({unattached} not attached{on_these}), {} leaves ({hung} on branches), {} other pieces",
             args.out.display(),
             found.branches.len(),
             found.leaves.len(),

@@ -242,6 +242,12 @@ fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
 fn sentence(e: &gltf::Error) -> String {
     match e {
         gltf::Error::Io(io) => explain(io),
+        // One place is enough: a missing list is wrong at each place that names one of its entries.
+        gltf::Error::Validation(all) if !all.is_empty() => {
+            let (place, what) = &all[0];
+            let more = if all.len() > 1 { format!(", and {} more places", all.len() - 1) } else { String::new() };
+            format!("not a readable glTF file ({place}: {what}{more})")
+        }
         other => format!("not a readable glTF file ({})", other.to_string().lines().collect::<Vec<_>>().join(" ")),
     }
 }

@@ -97,6 +97,13 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
         let before = out[..k].iter().filter(same).map(|p| p.places.len()).sum();
         out[k].same = (before, out.iter().filter(same).count() > 1);
     }
+    let mut names = BTreeSet::new();
+    for (k, one) in out.iter().enumerate() {
+        if let Some(name) = (0..one.places.len()).map(|p| one.name_at(p)).find(|name| !names.insert(name.clone())) {
+            let found = format!("\"{}\", so that two plants are called \"{name}\"", one.name);
+            return Err(Error::unexpected(&manifest.path, &field(k, "name"), found, "another name"));
+        }
+    }
     Ok(out)
 }
 

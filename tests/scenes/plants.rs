@@ -96,6 +96,11 @@ fn plants_that_cannot_stand_say_why() {
             format!("{grow}{BARK}[ground]\nalbedo = [0.1, 0.1, 0.1]\nreach_mm = 500\ncontrast = 0.3\n"),
             "contrast: given without grain_mm",
         ),
+        // The first two would be called "a 1" and "a 2".
+        (
+            ["a", "a", "a 1"].map(|name| format!("name = \"{name}\"\n{grow}{BARK}")).join("[[plant]]\n"),
+            "plant 3: name: found \"a 1\", so that two plants are called \"a 1\"",
+        ),
         (format!("file = \"gone.glb\"\n{BARK}"), "no such file"),
         (format!("file = \"bad.glb\"\n{BARK}"), "not a readable glTF file"),
     ] {

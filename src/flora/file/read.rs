@@ -94,8 +94,8 @@ impl Reader<'_> {
         if !world.is_finite() {
             return Err(self.wrong(node, "transform", "found numbers that are not finite"));
         }
-        let extras: Option<Value> =
-            node.extras().as_ref().and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok());
+        let parsed = node.extras().as_ref().map(|raw| serde_json::from_str::<Value>(raw.get()));
+        let extras = parsed.transpose().map_err(|e| self.wrong(node, "extras", e))?;
         if let Some(period) = extras.as_ref().and_then(|e| e.get(PERIOD)) {
             self.plant.period = Some(self.period(node, world, period)?);
         }
@@ -322,17 +322,23 @@ pub(crate) fn instances(path: &Path, opened: &Opened, node: &gltf::Node) -> Resu
     let three = |list: &Option<Vec<f64>>, k: usize, none: DVec3| {
         list.as_ref().map_or(none, |l| DVec3::new(l[3 * k], l[3 * k + 1], l[3 * k + 2]))
     };
-    Ok((0..n)
+    (0..n)
         .map(|k| {
             let turn = turned.as_ref().map_or(DQuat::IDENTITY, |l| DQuat::from_slice(&l[4 * k..4 * k + 4]));
+            if turn.length_squared() < 1e-12 {
+                let what = format!("instance {k}: found 0, 0, 0, 0, expected a unit quaternion");
+                return Err(wrong(path, node, &format!("{INSTANCING}.ROTATION"), what));
+            }
             let local = DMat4::from_scale_rotation_translation(
                 three(&scaled, k, DVec3::ONE),
                 turn.normalize(),
                 three(&moved, k, DVec3::ZERO),
             );
-            (at.as_ref().map(|l| l[k].clamp(0.0, 1.0)), local)
+            // Single precision may have rounded a place at the tip upwards.
+            let rounded = |at: f64| if (-1e-6..=1.0 + 1e-6).contains(&at) { at.clamp(0.0, 1.0) } else { at };
+            Ok((at.as_ref().map(|l| rounded(l[k])), local))
         })
-        .collect())
+        .collect()
 }
 
 /// The numbers of an accessor of floats, with `width` numbers in each entry.

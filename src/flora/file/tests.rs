@@ -179,6 +179,32 @@ fn bad_files_end_in_a_sentence() {
         let error = said(change);
         assert!(error.contains(expected) && error.lines().count() == 1, "{expected}: {error}");
     }
+    // A number that is too large to be one.
+    let path = changed(folder.path(), |j| j["nodes"][2]["extras"]["branch"]["length_mm"] = json!(12345.5));
+    let text = std::fs::read_to_string(&path).unwrap().replace("12345.5", "1e999");
+    std::fs::write(&path, text).unwrap();
+    let error = read(&path).unwrap_err().to_string();
+    assert!(error.contains("extras: number out of range"), "{error}");
+    // What is missing once is named once, and not for each place that needs it.
+    let error = said(&|j| drop(j.as_object_mut().unwrap().remove("buffers")));
+    assert!(error.contains("bufferViews[0].buffer") && error.len() < 300, "{error}");
+    // A place of a leaf beyond the tip, and a rotation by nothing.
+    for (attribute, numbers, expected) in
+        [("_AT", vec![7.0f32], "at: found 7, expected 0 (root) to 1"), ("ROTATION", vec![0.0; 4], "unit quaternion")]
+    {
+        let path = changed(folder.path(), |_| ());
+        let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let of = &json["nodes"][3]["extensions"][INSTANCING]["attributes"][attribute];
+        let view = json["accessors"][of.as_u64().unwrap() as usize]["bufferView"].as_u64().unwrap() as usize;
+        let start = json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
+        let bin = folder.path().join("twig.bin");
+        let mut bytes = std::fs::read(&bin).unwrap();
+        let new: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+        bytes[start..start + new.len()].copy_from_slice(&new);
+        std::fs::write(&bin, &bytes).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains(expected), "{attribute}: {error}");
+    }
     // Faults in the buffer: triangles without an area, and an index out of range.
     let path = changed(folder.path(), |_| ());
     let bin = folder.path().join("twig.bin");

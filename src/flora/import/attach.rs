@@ -4,6 +4,8 @@
 //! equal thickness may begin at either. For every tube, the tubes that its root may stand on get a weight ([`weight`]).
 //! From the trunk on, every tube whose best parent is in the tree joins the tree. When none is left, the thickest of
 //! the remaining tubes counts as not attached, and its own branches join it.
+//!
+//! A tube whose root stands on a piece that is no tube is not attached either: what carries it is not known.
 
 use super::Branch;
 use super::axis::Tube;
@@ -52,13 +54,12 @@ fn weight(gap: f64, distance: f64, child: f64, parent: f64) -> f64 {
     gap.max(0.0) / child + 0.3 * (distance / parent).min(3.0)
 }
 
-/// The candidates of a tube, the most likely first, and the nearest surface of all other tubes, for a tube without
-/// candidates.
-fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], k: usize) -> (Vec<Candidate>, Option<(usize, f64)>) {
+fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], refused: &[Refused], k: usize) -> Choice {
     let tube = &tubes[k];
     let alike = tube.tip_radius >= ALIKE * tube.root_radius;
     let mut out = Vec::new();
     let mut near: Option<(usize, f64)> = None;
+    let mut stands: Option<f64> = None;
     for turned in [false, true] {
         if turned && !alike {
             continue;
@@ -67,6 +68,8 @@ fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], k: usize) -> (Vec<C
             if turned { (tube.axis.last(), tube.tip_radius) } else { (tube.axis.first(), tube.root_radius) };
         let Some(end) = end.copied() else { continue };
         let reach = GAP * radius;
+        let gaps = refused.iter().filter_map(|piece| piece.within(end, reach));
+        stands = gaps.chain(stands).min_by(f64::total_cmp);
         for (j, (low, high, thick)) in boxes.iter().enumerate() {
             let outside = (*low - end).max(end - *high).max(DVec3::ZERO).length() - thick;
             if j == k || outside > near.map_or(f64::INFINITY, |(_, gap)| gap.max(reach)) {
@@ -94,14 +97,76 @@ fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], k: usize) -> (Vec<C
         }
     }
     out.sort_by(|a, b| a.weight.total_cmp(&b.weight).then(a.parent.cmp(&b.parent)));
-    (out, near)
+    // A tube that it stands in, or that is nearer, is its parent all the same.
+    stands = stands.filter(|gap| out.first().is_none_or(|best| best.gap.max(0.0) > *gap));
+    if stands.is_some() {
+        out.clear();
+    }
+    Choice { candidates: out, near, stands }
 }
 
-/// Finds every tube's parent. Parents stand before what grows on them.
-pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
+/// What a tube may stand on.
+struct Choice {
+    /// The most likely one first.
+    candidates: Vec<Candidate>,
+    /// The nearest surface of all other tubes, for a tube without candidates.
+    near: Option<(usize, f64)>,
+    /// The gap to a piece that is no tube, where the tube stands on that.
+    stands: Option<f64>,
+}
+
+/// A piece that is no tube.
+struct Refused<'a> {
+    low: DVec3,
+    high: DVec3,
+    triangles: &'a [[DVec3; 3]],
+}
+
+impl Refused<'_> {
+    /// How far a place is from the surface, if it is no farther than `reach`; 0 within the piece.
+    fn within(&self, place: DVec3, reach: f64) -> Option<f64> {
+        if (self.low - place).max(place - self.high).max(DVec3::ZERO).length() > reach {
+            return None;
+        }
+        let gaps = self.triangles.iter().map(|corners| beside(*corners, place));
+        let gap = gaps.min_by(f64::total_cmp)?;
+        // A closed surface covers the whole sphere around a place within it, an open tube most of it.
+        let covered = || self.triangles.iter().map(|corners| solid_angle(*corners, place)).sum::<f64>().abs();
+        if gap > reach && covered() > std::f64::consts::TAU { Some(0.0) } else { Some(gap).filter(|gap| *gap <= reach) }
+    }
+}
+
+/// The signed solid angle that a triangle covers, as seen from a place (Van Oosterom and Strackee 1983).
+fn solid_angle(corners: [DVec3; 3], place: DVec3) -> f64 {
+    let [a, b, c] = corners.map(|p| p - place);
+    let [x, y, z] = [a, b, c].map(|v| v.length());
+    2.0 * a.dot(b.cross(c)).atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
+}
+
+/// The distance of a place from a triangle.
+fn beside([a, b, c]: [DVec3; 3], place: DVec3) -> f64 {
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let inside = |p: DVec3, q: DVec3| (q - p).cross(place - p).dot(normal) >= 0.0;
+    if normal != DVec3::ZERO && inside(a, b) && inside(b, c) && inside(c, a) {
+        return (place - a).dot(normal).abs();
+    }
+    nearest(&[a, b, c, a], place).1
+}
+
+/// Finds every tube's parent. Parents stand before what grows on them. `refused` are the triangles of each piece that is no
+/// tube.
+pub fn attach(tubes: Vec<Tube>, refused: &[Vec<[DVec3; 3]>]) -> Vec<Branch> {
     let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
-    let all: Vec<(Vec<Candidate>, Option<(usize, f64)>)> =
-        (0..tubes.len()).into_par_iter().map(|k| candidates(&tubes, &boxes, k)).collect();
+    let around = |triangles: &'_ Vec<[DVec3; 3]>| {
+        let empty = (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY));
+        triangles.iter().flatten().fold(empty, |(a, b), p| (a.min(*p), b.max(*p)))
+    };
+    let of = |triangles| {
+        let (low, high) = around(triangles);
+        Refused { low, high, triangles }
+    };
+    let refused: Vec<Refused> = refused.iter().map(of).collect();
+    let all: Vec<Choice> = (0..tubes.len()).into_par_iter().map(|k| candidates(&tubes, &boxes, &refused, k)).collect();
     // The thickest tubes come first.
     let mut order: Vec<usize> = (0..tubes.len()).collect();
     order.sort_by(|a, b| tubes[*b].root_radius.total_cmp(&tubes[*a].root_radius).then(a.cmp(b)));
@@ -114,8 +179,8 @@ pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
     let mut out: Vec<Branch> = Vec::with_capacity(tubes.len());
     // A tube waits until its best parent is in the tree.
     let mut waiting: Vec<Vec<usize>> = vec![Vec::new(); tubes.len()];
-    for (k, (list, _)) in all.iter().enumerate() {
-        if let Some(best) = list.first() {
+    for (k, choice) in all.iter().enumerate() {
+        if let Some(best) = choice.candidates.first() {
             waiting[best.parent].push(k);
         }
     }
@@ -133,33 +198,28 @@ pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
                 continue;
             }
             place[k] = Some(out.len());
-            let near = all[k].1;
             let branch = match candidate {
-                Some(c) => joined(&tubes[k], c, &all[k].0, &place, &out),
-                None => rootless(&tubes[k], near, &tubes, &place, &out, size),
+                Some(c) => joined(&tubes[k], c, &all[k].candidates, &place, &out),
+                None => rootless(&tubes[k], &all[k], &tubes, &place, &out, size),
             };
             out.push(branch);
-            next.extend(waiting[k].iter().map(|child| (*child, all[*child].0.first().copied())));
+            next.extend(waiting[k].iter().map(|child| (*child, all[*child].candidates.first().copied())));
         }
     }
     out
 }
 
 /// The member of a ring with the most likely other parent in the tree, and that parent.
-fn out_of_ring(
-    first: usize,
-    all: &[(Vec<Candidate>, Option<(usize, f64)>)],
-    place: &[Option<usize>],
-) -> Option<(usize, Candidate)> {
+fn out_of_ring(first: usize, all: &[Choice], place: &[Option<usize>]) -> Option<(usize, Candidate)> {
     let (mut at, mut seen) = (first, Vec::new());
     while !seen.contains(&at) {
         seen.push(at);
-        match all[at].0.first() {
+        match all[at].candidates.first() {
             Some(best) if place[best.parent].is_none() => at = best.parent,
             _ => break,
         }
     }
-    let others = seen.iter().flat_map(|k| all[*k].0.iter().map(move |c| (*k, *c)));
+    let others = seen.iter().flat_map(|k| all[*k].candidates.iter().map(move |c| (*k, *c)));
     others.filter(|(_, c)| place[c.parent].is_some()).min_by(|a, b| a.1.weight.total_cmp(&b.1.weight))
 }
 
@@ -185,7 +245,7 @@ fn joined(tube: &Tube, c: Candidate, list: &[Candidate], place: &[Option<usize>]
 /// Adds a trunk, or a branch that nothing carries.
 fn rootless(
     tube: &Tube,
-    near: Option<(usize, f64)>,
+    choice: &Choice,
     tubes: &[Tube],
     place: &[Option<usize>],
     out: &[Branch],
@@ -193,13 +253,18 @@ fn rootless(
 ) -> Branch {
     let branch =
         Branch { tube: tube.clone(), parent: None, at: 0.0, level: Some(0), confidence: 1.0, unattached: None };
-    let Some(trunk) = out.first().map(|b| &b.tube) else { return branch };
+    let unknown = |why: String| Branch { level: None, confidence: 0.0, unattached: Some(why), ..branch.clone() };
+    if let Some(gap) = choice.stands {
+        return unknown(format!("its root is {:.3} mm from a piece that is no tube, see others.csv", gap));
+    }
+    let trunk = out.iter().find(|b| b.unattached.is_none()).map(|b| &b.tube);
+    let Some(trunk) = trunk else { return branch };
     let up = (trunk.axis[trunk.axis.len() - 1] - trunk.axis[0]).normalize_or(DVec3::Y);
     let beside = (tube.axis[0] - trunk.axis[0]).dot(up).abs() < GROUND * size;
     if beside && tube.root_radius > 0.25 * trunk.root_radius {
         return branch;
     }
-    let why = match near.and_then(|(k, gap)| Some((place[k]?, gap, tubes[k].root_radius))) {
+    let why = match choice.near.and_then(|(k, gap)| Some((place[k]?, gap, tubes[k].root_radius))) {
         Some((k, gap, _)) if gap > GAP * tube.root_radius => {
             format!("the nearest branch is b{k}, whose surface is {gap:.3} mm from its root")
         }
@@ -208,5 +273,5 @@ fn rootless(
         }
         None => "no branch in the tree is near its root".into(),
     };
-    Branch { level: None, confidence: 0.0, unattached: Some(why), ..branch }
+    unknown(why)
 }

@@ -5,11 +5,11 @@
 //! polygons around the tube, and their centres form the axis. Heights are then measured along this axis and the cuts
 //! are made again, so that they stand across it. The radius is the line that fits the corners of the cuts.
 
+use super::arms::{from_end, longest_arm, mean_radius, neighbours};
 use super::soup::{Piece, Sets, Soup};
 use crate::form::along;
 use glam::{DMat3, DVec3};
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 
 /// The largest number of cuts through a piece.
 const CUTS: usize = 48;
@@ -25,6 +25,9 @@ const ROUND: f64 = 0.5;
 const SHORTEST: f64 = 1.5;
 /// Largest share of cuts that consist of several polygons.
 const FORKED: f64 = 0.2;
+/// The length of a second arm, in radii of the piece, from which on it counts as a branch of its own. Grown branches with
+/// rough ends have at most .2; the shortest branch that is a tube has [`SHORTEST`] of its own radii.
+const ARM: f64 = 3.0;
 
 /// A tapered tube.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,9 +95,9 @@ pub(crate) fn principal(m: DMat3) -> [(f64, DVec3); 3] {
 }
 
 /// A piece with its own list of vertices.
-struct Mesh {
-    places: Vec<DVec3>,
-    triangles: Vec<[usize; 3]>,
+pub(super) struct Mesh {
+    pub places: Vec<DVec3>,
+    pub triangles: Vec<[usize; 3]>,
 }
 
 /// The axis and radii of a piece.
@@ -103,7 +106,13 @@ struct Mesh {
 /// A text that says why the piece is not a tube.
 pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     let mesh = mesh(soup, piece);
-    let mut heights = heights(&mesh);
+    let neighbours = neighbours(&mesh);
+    let from_end = from_end(&mesh, &neighbours);
+    let arm = longest_arm(&neighbours, &from_end);
+    if arm > ARM * mean_radius(&mesh, &from_end) {
+        return Err(format!("a second arm of {arm:.3} mm leaves it: it forks"));
+    }
+    let mut heights = heights(&mesh, &from_end);
     let count = (mesh.places.len() / 3).clamp(4, CUTS);
     let (mut axis, mut forked, mut radii) = (Vec::new(), 0.0, Vec::new());
     for round in 0..ROUNDS {
@@ -175,12 +184,12 @@ fn mesh(soup: &Soup, piece: &Piece) -> Mesh {
     mesh
 }
 
-fn range(values: &[f64]) -> (f64, f64) {
+pub(super) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)))
 }
 
-/// The heights of the first round.
-fn heights(mesh: &Mesh) -> Vec<f64> {
+/// The heights of the first round. `from_end` is the way along the surface from one end to each vertex.
+fn heights(mesh: &Mesh, from_end: &[f64]) -> Vec<f64> {
     let mean = mesh.places.iter().sum::<DVec3>() / mesh.places.len() as f64;
     let spread = mesh.places.iter().fold(DMat3::ZERO, |sum, p| {
         let d = *p - mean;
@@ -190,77 +199,7 @@ fn heights(mesh: &Mesh) -> Vec<f64> {
     if long > SLENDER * SLENDER * wide {
         return mesh.places.iter().map(|p| (*p - mean).dot(axis)).collect();
     }
-    let neighbours = neighbours(mesh);
-    let farthest = |from: &[f64]| (0..from.len()).max_by(|a, b| from[*a].total_cmp(&from[*b])).unwrap_or(0);
-    let end = farthest(&ways(mesh, &neighbours, &[0]));
-    let rim = rim(mesh, end);
-    ways(mesh, &neighbours, if rim.is_empty() { std::slice::from_ref(&end) } else { &rim })
-}
-
-fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
-    let mut out = vec![Vec::new(); mesh.places.len()];
-    for [a, b, c] in &mesh.triangles {
-        for (p, q) in [(a, b), (b, c), (c, a)] {
-            out[*p].push(*q);
-            out[*q].push(*p);
-        }
-    }
-    out
-}
-
-/// The length of the shortest way along edges from `sources` to every vertex (Dijkstra).
-fn ways(mesh: &Mesh, neighbours: &[Vec<usize>], sources: &[usize]) -> Vec<f64> {
-    let mut way = vec![f64::INFINITY; mesh.places.len()];
-    let mut next: BinaryHeap<Reverse<(u64, usize)>> = BinaryHeap::new();
-    for s in sources {
-        way[*s] = 0.0;
-        next.push(Reverse((0, *s)));
-    }
-    // The bit patterns of non-negative numbers have the same order as the numbers.
-    while let Some(Reverse((bits, at))) = next.pop() {
-        if f64::from_bits(bits) > way[at] {
-            continue;
-        }
-        for n in &neighbours[at] {
-            let there = way[at] + mesh.places[at].distance(mesh.places[*n]);
-            if there < way[*n] {
-                way[*n] = there;
-                next.push(Reverse((there.to_bits(), *n)));
-            }
-        }
-    }
-    way
-}
-
-/// The vertices of the open rim that is nearest to a vertex; none where the piece is closed.
-fn rim(mesh: &Mesh, from: usize) -> Vec<usize> {
-    let mut sides: HashMap<(usize, usize), usize> = HashMap::new();
-    for [a, b, c] in &mesh.triangles {
-        for (p, q) in [(*a, *b), (*b, *c), (*c, *a)] {
-            *sides.entry((p.min(q), p.max(q))).or_insert(0) += 1;
-        }
-    }
-    let mut around: HashMap<usize, Vec<usize>> = HashMap::new();
-    for ((p, q), count) in sides {
-        if count == 1 {
-            around.entry(p).or_default().push(q);
-            around.entry(q).or_default().push(p);
-        }
-    }
-    let distance = |v: usize| mesh.places[v].distance(mesh.places[from]);
-    let Some(start) = around.keys().copied().min_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b))) else {
-        return Vec::new();
-    };
-    let (mut out, mut next, mut seen) = (vec![start], vec![start], HashSet::from([start]));
-    while let Some(at) = next.pop() {
-        for n in around.get(&at).into_iter().flatten() {
-            if seen.insert(*n) {
-                out.push(*n);
-                next.push(*n);
-            }
-        }
-    }
-    out
+    from_end.to_vec()
 }
 
 /// A cut across a piece.

@@ -5,6 +5,7 @@
 //! A branch is one connected tube. A branch that cannot be attached is listed with a reason. Lengths are in mm, in the
 //! frame of the file that was read (y up, as in glTF).
 
+mod arms;
 pub mod attach;
 pub mod axis;
 pub mod flat;
@@ -108,8 +109,8 @@ enum Piece {
 
 /// Finds the branches of a soup.
 pub fn find(soup: &Soup) -> Found {
-    let pieces: Vec<Piece> = soup
-        .pieces()
+    let all = soup.pieces();
+    let pieces: Vec<Piece> = all
         .par_iter()
         .map(|piece| {
             if let Some(leaf) = leaf::of(soup, piece) {
@@ -122,15 +123,18 @@ pub fn find(soup: &Soup) -> Found {
         })
         .collect();
     let mut found = Found { degenerate: soup.degenerate, ..Found::default() };
-    let mut tubes = Vec::new();
-    for piece in pieces {
+    let (mut tubes, mut refused) = (Vec::new(), Vec::new());
+    for (piece, own) in pieces.into_iter().zip(&all) {
         match piece {
             Piece::Tube(tube) => tubes.push(*tube),
             Piece::Leaf(leaf) => found.leaves.push(leaf),
-            Piece::Other(other) => found.others.push(other),
+            Piece::Other(other) => {
+                found.others.push(other);
+                refused.push(own.triangles.iter().map(|t| soup.corners(*t)).collect());
+            }
         }
     }
-    found.branches = attach::attach(tubes);
+    found.branches = attach::attach(tubes, &refused);
     leaf::hang(&mut found.leaves, &found.branches);
     found
 }

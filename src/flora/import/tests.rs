@@ -294,6 +294,36 @@ fn what_cannot_be_attached_is_listed() {
     assert!(found.others[0].why.contains("long and"), "{}", found.others[0].why);
 }
 
+/// A trunk and a branch that one triangle joins are one piece, which forks. It is listed as such, whatever the lengths of
+/// both. What grows on either is not attached, and what grows on that has no level.
+#[test]
+fn bark_that_forks_is_listed_and_what_it_carries_is_not_guessed() {
+    for (sides, at, length) in [(8, 1000.0, 1500.0), (8, 200.0, 400.0), (5, 1500.0, 100.0), (3, 1900.0, 300.0)] {
+        let mut walk = Walk { meshes: Vec::new(), known: Vec::new(), state: 5, outside: 0.0, sides, curve: 0.02 };
+        walk.branch(None, DVec3::ZERO, DVec3::Z, 40.0, 2000.0, 3);
+        walk.branch(None, DVec3::new(45.0, 0.0, at), DVec3::X, 10.0, length, 3);
+        let (upper, lower) = (DVec3::new(0.0, 0.0, 700.0), DVec3::new(0.0, -10.0, 1300.0));
+        walk.branch(None, upper, DVec3::Y, 9.0, 300.0, 3);
+        walk.branch(None, upper + DVec3::Y * 200.0, DVec3::Z, 4.0, 100.0, 3);
+        walk.branch(None, lower, DVec3::NEG_Y, 6.0, 200.0, 3);
+        let child = walk.meshes.remove(1);
+        let trunk = &mut walk.meshes[0];
+        let (own, nearest) = (trunk.positions.len() as u32, |p: DVec3, list: &[DVec3]| {
+            (0..list.len()).min_by(|a, b| list[*a].distance(p).total_cmp(&list[*b].distance(p))).unwrap() as u32
+        });
+        let on = nearest(child.positions[0], &trunk.positions);
+        trunk.positions.extend(&child.positions);
+        trunk.indices.extend(child.indices.iter().map(|k| own + k));
+        trunk.indices.extend([on, own, own + 1]);
+        let found = through_a_file(&walk.meshes, PLAIN);
+        assert_eq!((found.branches.len(), found.others.len()), (3, 1), "{length}");
+        assert!(found.others[0].why.contains("it forks"), "{}", found.others[0].why);
+        let stands = |b: &super::Branch| b.unattached.as_ref().is_some_and(|why| why.contains("others.csv"));
+        assert_eq!(found.branches.iter().filter(|b| stands(b)).count(), 2, "{length}");
+        assert!(found.branches.iter().all(|b| b.level.is_none() && (stands(b) || b.parent.is_some())), "{length}");
+    }
+}
+
 /// A rectangle of two triangles, which share a diagonal, gets its true length and width.
 #[test]
 fn blades_are_measured_along_their_sides() {
