@@ -1,7 +1,9 @@
 //! `mesophyll grow` and `mesophyll import`, as programs.
 
 use crate::common::skips::{Need, skip};
-use std::path::Path;
+use crate::programs::{python, shown};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn mesophyll(args: &[&str], folder: &Path) -> (i32, String) {
@@ -78,5 +80,90 @@ fn the_validator_has_nothing_to_say() {
         assert_eq!(code, 0, "{stderr}");
         let Some(said) = validated(&path) else { return };
         assert_eq!(said, "0 0", "{name}");
+    }
+}
+
+/// A file of a plant with 230 leaves, and how high the highest is (m): as nodes stand, and at an animation's first key.
+struct Sapling {
+    path: PathBuf,
+    height: [f64; 2],
+}
+
+impl Sapling {
+    /// What a reader found in the file is what is in it.
+    fn is(&self, found: &Value, height: f64) {
+        let top = found["top_m"].as_f64().unwrap();
+        assert_eq!(found["leaves"].as_u64(), Some(230), "{}: {found}", self.path.display());
+        assert!((top - height).abs() < 1e-4 * height, "{}: {found}, {height} m", self.path.display());
+    }
+}
+
+/// A sapling as it was grown, posed in a wind, and in motion.
+fn saplings(folder: &Path) -> [Sapling; 3] {
+    let scene = format!("{}/data/scenes/breeze.toml", env!("CARGO_MANIFEST_DIR"));
+    let spec = preset("bird-cherry-sapling");
+    let export = |words: &[&str], to: &str| {
+        let (code, stderr) = mesophyll(&[words, &["-o", to]].concat(), folder);
+        assert_eq!(code, 0, "{stderr}");
+        let path = folder.join(to);
+        let plant = mesophyll::flora::file::read(&path).unwrap();
+        let height = 1e-3 * plant.leaves.iter().map(|leaf| leaf.transform.w_axis.z).fold(0.0, f64::max);
+        Sapling { path, height: [height; 2] }
+    };
+    let posed = |time: &str, to: &str| export(&["export", &scene, "--time", time, "--to", "gltf"], to);
+    let first = posed("0", "first.glb").height[0];
+    let words = ["export", &scene, "--from", "0", "--until", "0.4", "--step", "0.1", "--to", "gltf"];
+    let mut moving = export(&words, "moving.glb");
+    assert!((first - moving.height[0]).abs() > 1e-3 * first);
+    moving.height[1] = first;
+    [export(&["grow", &spec], "grown.glb"), posed("2.5", "posed.glb"), moving]
+}
+
+/// three.js loads the files in a browser without an error.
+#[test]
+fn three_js_reads_plants() {
+    let ask = "const p = require('path'), three = require.resolve('three');
+        console.log(p.dirname(p.dirname(three)))";
+    let found = Command::new("node").args(["-e", ask]).output().ok().filter(|out| out.status.success());
+    let Some(found) = found else { return skip(Need::Peer, "no three (npm install three, NODE_PATH)") };
+    let three = String::from_utf8(found.stdout).unwrap().trim().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    for one in saplings(folder.path()) {
+        let imports = json!({"imports": {
+            "three": format!("file://{three}/build/three.module.js"),
+            "gltf-loader": format!("file://{three}/examples/jsm/loaders/GLTFLoader.js"),
+        }});
+        let page = format!(
+            "<!doctype html><html><body><script type=\"importmap\">{imports}</script><script type=\"module\">
+            const FILE = \"file://{}\";
+            {}</script></body></html>",
+            one.path.display(),
+            include_str!("three.js")
+        );
+        let Some(bytes) = shown(folder.path(), &page) else { return };
+        let found = String::from_utf8(bytes).unwrap();
+        one.is(&serde_json::from_str(&found).unwrap_or_else(|e| panic!("{e}: {found}")), one.height[0]);
+    }
+}
+
+/// Blender imports the files.
+#[test]
+fn blender_reads_plants() {
+    let folder = tempfile::tempdir().unwrap();
+    for one in saplings(folder.path()) {
+        let script = format!(
+            "import bpy, json, os
+out = os.dup(1); os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_scene.gltf(filepath='{}')
+bpy.context.scene.frame_set(0)
+bpy.context.view_layer.update()
+leaves = [o for o in bpy.data.objects if o.type == 'MESH' and o.data.materials and o.data.materials[0].name.startswith('leaf')]
+found = {{'leaves': len(leaves), 'top_m': max(o.matrix_world.translation.z for o in leaves)}}
+os.write(out, json.dumps(found).encode())",
+            one.path.display()
+        );
+        let Some(found) = python("bpy", &script, folder.path()) else { return };
+        one.is(&found, one.height[1]);
     }
 }

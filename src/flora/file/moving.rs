@@ -6,6 +6,9 @@
 //! turns. The branch's own node is the joint of its root. Leaves are nodes in the node of their branch. The nodes
 //! themselves hold the plant's pose at rest.
 //!
+//! The plant's node has a node below it that holds everything and has no transform of its own. The skins begin there. Blender
+//! takes the node at which skins begin for a bone, and bones forget how they are scaled.
+//!
 //! A node that does not move relative to the node above it has no channel. In glTF the parent of a skinned mesh has no
 //! effect, so the meshes of bark stand beside the plant's node, in metres.
 
@@ -121,8 +124,9 @@ pub fn write_moving(
     let keys: Vec<Vec<Place>> = after.par_iter().map(|after| all.places(&motions(from + after))).collect();
     let mut shapes = Shapes::default();
     let blades = shapes.blades(plant);
-    // Node 0 is the plant, and keyed section k is node k + 1. The meshes of bark follow.
-    let mut nodes = vec![whole(plant)];
+    // Node 0 holds the plant in mm, and keyed section k is node k + 1. The meshes of bark follow, and then the plant's own
+    // node, which scales and turns all of it.
+    let mut nodes = vec![json!({"name": format!("{} in mm", plant.name)})];
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
     for (k, (_, at)) in carried.on.iter().enumerate() {
         let above = all.above(k).map_or(0, |above| above + 1);
@@ -142,7 +146,7 @@ pub fn write_moving(
         });
     }
     let mut skins: Vec<Value> = Vec::new();
-    let mut roots = vec![0];
+    let mut bark_nodes = Vec::new();
     for (branch, (joints, of_vertices)) in plant.branches.iter().zip(&carried.bark) {
         if branch.wood.triangles() == 0 {
             continue;
@@ -151,9 +155,13 @@ pub fn write_moving(
         let bind = shapes.file.floats("MAT4", &joints.iter().map(|k| unbound(all.rest[*k])).collect::<Vec<_>>());
         let joints: Vec<usize> = joints.iter().map(|k| k + 1).collect();
         skins.push(json!({"joints": joints, "inverseBindMatrices": bind, "skeleton": 0}));
-        roots.push(nodes.len());
+        bark_nodes.push(nodes.len());
         nodes.push(json!({"name": format!("{} bark", branch.name), "mesh": mesh, "skin": skins.len() - 1}));
     }
+    let mut own = whole(plant);
+    own["children"] = json!([0]);
+    nodes.push(own);
+    let roots = [vec![nodes.len() - 1], bark_nodes].concat();
     let mut root = rooted(nodes, &children);
     root["scenes"][0]["nodes"] = json!(roots);
     if !skins.is_empty() {
