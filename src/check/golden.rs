@@ -5,10 +5,10 @@
 //! The limits follow from how far two adapters may differ, not from the effect of a changed fit. On Mesa's software
 //! adapter, Vulkan stores maps in 32 bits and OpenGL in 16, as many GPUs do. Between the two, the committed scenes
 //! differ by a mean FLIP of at most 4.0e-4, and 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off.
-//! An NVIDIA H200 differs from the goldens by at most 6.4e-4, and in 7.3e-4 of the pixels. The limits are somewhat higher.
-//! Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel. A ground or a
-//! card of one colour, however, may as a whole be rounded to another step than in the golden, as by that GPU. So where a
-//! value lies on the border of two steps, both are right ([`settled`]).
+//! An NVIDIA H200 differs from the goldens by at most 6.4e-4, and in 7.3e-4 of the pixels. The limits are somewhat
+//! higher. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel. A
+//! ground or a card of one colour, however, may as a whole be rounded to another step than in the golden, as by that
+//! GPU. So where a value lies on the border of two steps, both are right ([`settled`]).
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
@@ -28,9 +28,9 @@ pub const FLIP_MEAN: f64 = 1e-3;
 /// and 16-bit maps cause.
 const STEPS: u8 = 4;
 
-/// A displayed value that is no farther than this (in steps of 255) from the border of two steps may be rounded to either.
-/// The last bit of a radiance in 16 bits, as multisampled pictures have it, moves a displayed value by up to .046 steps;
-/// this is two of them.
+/// A displayed value that is no farther than this (in steps of 255) from the border of two steps may be rounded to
+/// either. The last bit of a radiance in 16 bits, as multisampled pictures have it, moves a displayed value by up to
+/// .046 steps; this is two of them.
 const EITHER: f64 = 0.1;
 
 /// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels

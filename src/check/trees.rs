@@ -39,9 +39,9 @@ pub(crate) const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, 
 pub(crate) const TREE: &str = include_str!("../../data/plants/wych-elm.toml");
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [800, 600];
-/// How many frames are drawn at a time: the first number of them without being timed, then the second number. A GPU draws while the
-/// processor prepares the next frame, as in a program that shows them; a frame that nothing follows would not tell what
-/// that costs. Software adapters draw on the processor, so there each frame is measured by itself.
+/// How many frames are drawn at a time: the first number of them without being timed, then the second number. A GPU
+/// draws while the processor prepares the next frame, as in a program that shows them; a frame that nothing follows
+/// would not tell what that costs. Software adapters draw on the processor, so there each frame is measured by itself.
 const ON_GPU: [usize; 2] = [4, 60];
 const BY_SOFTWARE: [usize; 2] = [0, 1];
 /// The time between two frames (s).
@@ -147,8 +147,8 @@ fn below_median(values: usize) -> usize {
     ((n - 1.96 * n.sqrt()) / 2.0 - 1.0).max(0.0) as usize
 }
 
-/// Draws frames, before each of which something is done, which gets the frame's number. The time of a frame, and the part
-/// of it that was needed to do that (µs).
+/// Draws frames, before each of which something is done, which gets the frame's number. The time of a frame, and the
+/// part of it that was needed to do that (µs).
 fn frames(
     renderer: &mut gpu::Renderer,
     camera: &viewer::Camera,

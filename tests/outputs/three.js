@@ -1,5 +1,5 @@
-// Loads a glTF file with three.js and leaves what was found in the page, as base64 of JSON: how many leaves there are, and
-// how high the highest stands. `FILE` is set before.
+// Loads a glTF file with three.js and leaves what was found in the page, as base64 of JSON: how many leaves there are,
+// and how high the highest stands. `FILE` is set before.
 import * as THREE from "three";
 import { GLTFLoader } from "gltf-loader";
 

@@ -29,7 +29,8 @@ pub(crate) struct Levels {
     rows: Vec<[[f32; 4]; 3]>,
     rides: Vec<Carrier>,
     begins: Vec<[u32; 2]>,
-    /// The largest scale, and whether something moves an instance. A frame must not look through all instances for these.
+    /// The largest scale, and whether something moves an instance. A frame must not look through all instances for
+    /// these.
     largest: f32,
     moves: bool,
     /// Whether nothing moves the instance away from its ball.

@@ -84,8 +84,9 @@ pub fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
     descriptor.with_env()
 }
 
-/// An instance without a window, from which [`Gpu::open`] opens what `options` and the environment allow. OpenGL is only
-/// touched where Vulkan has no GPU: a driver needs time to open it, and one hung where several threads did so at once.
+/// An instance without a window, from which [`Gpu::open`] opens what `options` and the environment allow. OpenGL is
+/// only touched where Vulkan has no GPU: a driver needs time to open it, and one hung where several threads did so at
+/// once.
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn headless(options: &Options) -> wgpu::Instance {
     let by = |backend| wgpu::Instance::new(instance_descriptor(&Options { backend, ..*options }));

@@ -6,8 +6,8 @@
 //! turns. The branch's own node is the joint of its root. Leaves are nodes in the node of their branch. The nodes
 //! themselves hold the plant's pose at rest.
 //!
-//! The plant's node has a node below it that holds everything and has no transform of its own. The skins begin there. Blender
-//! takes the node at which skins begin for a bone, and bones forget how they are scaled.
+//! The plant's node has a node below it that holds everything and has no transform of its own. The skins begin there.
+//! Blender takes the node at which skins begin for a bone, and bones forget how they are scaled.
 //!
 //! A node that does not move relative to the node above it has no channel. In glTF the parent of a skinned mesh has no
 //! effect, so the meshes of bark stand beside the plant's node, in metres.
@@ -124,8 +124,8 @@ pub fn write_moving(
     let keys: Vec<Vec<Place>> = after.par_iter().map(|after| all.places(&motions(from + after))).collect();
     let mut shapes = Shapes::default();
     let blades = shapes.blades(plant);
-    // Node 0 holds the plant in mm, and keyed section k is node k + 1. The meshes of bark follow, and then the plant's own
-    // node, which scales and turns all of it.
+    // Node 0 holds the plant in mm, and keyed section k is node k + 1. The meshes of bark follow, and then the plant's
+    // own node, which scales and turns all of it.
     let mut nodes = vec![json!({"name": format!("{} in mm", plant.name)})];
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
     for (k, (_, at)) in carried.on.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Ways along the surface of a piece: where its end is, how far every vertex is from there, and whether the piece forks.
+//! Ways along the surface of a piece: where its end is, how far every vertex is from there, and whether the piece
+//! forks.
 
 use super::axis::{Mesh, range};
 use std::cmp::Reverse;
@@ -18,8 +19,8 @@ pub(super) fn from_end(mesh: &Mesh, neighbours: &[Vec<usize>]) -> Vec<f64> {
 pub(super) fn longest_arm(neighbours: &[Vec<usize>], from_end: &[f64]) -> f64 {
     let mut order: Vec<usize> = (0..from_end.len()).collect();
     order.sort_by(|a, b| from_end[*b].total_cmp(&from_end[*a]));
-    // The farthest vertices come first. Each is the tip of a new arm, or it lies on known arms, which meet there. Of two
-    // arms the one with the nearer tip ends where they meet. Each vertex leads to the tip of its arm.
+    // The farthest vertices come first. Each is the tip of a new arm, or it lies on known arms, which meet there. Of
+    // two arms the one with the nearer tip ends where they meet. Each vertex leads to the tip of its arm.
     let mut towards: Vec<Option<usize>> = vec![None; from_end.len()];
     fn tip(towards: &mut [Option<usize>], mut v: usize) -> usize {
         while let Some(next) = towards[v].filter(|next| *next != v) {

@@ -153,8 +153,8 @@ fn beside([a, b, c]: [DVec3; 3], place: DVec3) -> f64 {
     nearest(&[a, b, c, a], place).1
 }
 
-/// Finds every tube's parent. Parents stand before what grows on them. `refused` are the triangles of each piece that is no
-/// tube.
+/// Finds every tube's parent. Parents stand before what grows on them. `refused` are the triangles of each piece that
+/// is no tube.
 pub fn attach(tubes: Vec<Tube>, refused: &[Vec<[DVec3; 3]>]) -> Vec<Branch> {
     let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
     let around = |triangles: &'_ Vec<[DVec3; 3]>| {

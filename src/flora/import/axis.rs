@@ -25,8 +25,8 @@ const ROUND: f64 = 0.5;
 const SHORTEST: f64 = 1.5;
 /// Largest share of cuts that consist of several polygons.
 const FORKED: f64 = 0.2;
-/// The length of a second arm, in radii of the piece, from which on it counts as a branch of its own. Grown branches with
-/// rough ends have at most .2; the shortest branch that is a tube has [`SHORTEST`] of its own radii.
+/// The length of a second arm, in radii of the piece, from which on it counts as a branch of its own. Grown branches
+/// with rough ends have at most .2; the shortest branch that is a tube has [`SHORTEST`] of its own radii.
 const ARM: f64 = 3.0;
 
 /// A tapered tube.

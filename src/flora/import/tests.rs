@@ -294,8 +294,8 @@ fn what_cannot_be_attached_is_listed() {
     assert!(found.others[0].why.contains("long and"), "{}", found.others[0].why);
 }
 
-/// A trunk and a branch that one triangle joins are one piece, which forks. It is listed as such, whatever the lengths of
-/// both. What grows on either is not attached, and what grows on that has no level.
+/// A trunk and a branch that one triangle joins are one piece, which forks. It is listed as such, whatever the lengths
+/// of both. What grows on either is not attached, and what grows on that has no level.
 #[test]
 fn bark_that_forks_is_listed_and_what_it_carries_is_not_guessed() {
     for (sides, at, length) in [(8, 1000.0, 1500.0), (8, 200.0, 400.0), (5, 1500.0, 100.0), (3, 1900.0, 300.0)] {

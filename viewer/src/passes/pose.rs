@@ -18,8 +18,8 @@ use wgpu::BufferUsages as Use;
 const LIMB: usize = 128;
 const MARK: usize = 32;
 const BOX_AT_REST: usize = 64;
-/// The largest number of sections that one invocation of `pose_alone.wgsl` seats beside those on marks, of which it seats
-/// a branch's own.
+/// The largest number of sections that one invocation of `pose_alone.wgsl` seats beside those on marks, of which it
+/// seats a branch's own.
 const LONGEST: usize = 8;
 /// Invocations in a group that poses one branch.
 const LANES: usize = 32;
@@ -84,8 +84,8 @@ pub(crate) struct PosePass {
     kernels: Vec<Kernel>,
     /// Makes the boxes of parts. It is only needed where something reads them.
     enclose: Kernel,
-    /// Whether a new pose may wait for the next frame's commands, and whether one does. On a GPU a submission of its own
-    /// costs time. On a software adapter it begins while the frame's commands are recorded.
+    /// Whether a new pose may wait for the next frame's commands, and whether one does. On a GPU a submission of its
+    /// own costs time. On a software adapter it begins while the frame's commands are recorded.
     waits: bool,
     due: Cell<bool>,
 }
@@ -232,8 +232,8 @@ impl PosePass {
     }
 }
 
-/// Whether a group of invocations shares the work on each branch. That is what a GPU is quick at, which has thousands of
-/// invocations waiting side by side. A software adapter has few, and is quicker where each has a branch of its own.
+/// Whether a group of invocations shares the work on each branch. That is what a GPU is quick at, which has thousands
+/// of invocations waiting side by side. A software adapter has few, and is quicker where each has a branch of its own.
 fn in_groups(gpu: &Gpu, poses: &Poses) -> bool {
     let most = gpu.device.limits().max_compute_workgroups_per_dimension as usize;
     if !gpu.groups || poses.limbs.len() > most {

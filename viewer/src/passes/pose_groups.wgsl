@@ -2,8 +2,8 @@
 // takes as long as its longest invocation. Two follow each other: every branch bends; its sections follow it and its
 // ancestors. A third makes boxes. The results are those of `pose_alone.wgsl`, with the same formulas in the same order.
 
-// Beams at marks that follow each other, the first of which is the last one of those before; the way of the axis to each
-// of these marks, after the place of the first.
+// Beams at marks that follow each other, the first of which is the last one of those before; the way of the axis to
+// each of these marks, after the place of the first.
 var<workgroup> beams: array<vec4f, LANES + 1u>;
 var<workgroup> ways: array<vec3f, LANES + 1u>;
 

@@ -267,8 +267,8 @@ impl ShadowPass {
         }
         stats.shadow_triangles = 0;
         stats.shadow_side = self.fit.as_ref().map_or(self.resolution, |fit| fit.side);
-        // To clear a large texture takes longer than to draw a tree into its corner. (A mobile GPU, which loads what is not
-        // cleared, may see it otherwise.)
+        // To clear a large texture takes longer than to draw a tree into its corner. (A mobile GPU, which loads what is
+        // not cleared, may see it otherwise.)
         let corner = self.fit.as_ref().filter(|fit| fit.side < self.resolution);
         let load = if corner.is_some() { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(1.0) };
         for (i, layer) in self.layers.iter().enumerate() {

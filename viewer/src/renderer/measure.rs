@@ -47,8 +47,8 @@ impl Renderer {
         Ok(timing)
     }
 
-    /// Draws a frame without waiting for its end, but for that of the frame before, as programs do that show frames: the
-    /// processor prepares a frame while the adapter draws another.
+    /// Draws a frame without waiting for its end, but for that of the frame before, as programs do that show frames:
+    /// the processor prepares a frame while the adapter draws another.
     ///
     /// # Errors
     /// As [`Renderer::render`].

@@ -88,8 +88,8 @@ fn above_floor() -> Scene {
     scene
 }
 
-/// What lies beside coarse maps is in no shadow: neither where nothing was ever drawn into their texture, nor where finer
-/// maps were.
+/// What lies beside coarse maps is in no shadow: neither where nothing was ever drawn into their texture, nor where
+/// finer maps were.
 #[test]
 fn beside_the_maps_nothing_is_shaded() {
     let scene = above_floor();
