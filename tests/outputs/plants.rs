@@ -158,7 +158,8 @@ bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.import_scene.gltf(filepath='{}')
 bpy.context.scene.frame_set(0)
 bpy.context.view_layer.update()
-leaves = [o for o in bpy.data.objects if o.type == 'MESH' and o.data.materials and o.data.materials[0].name.startswith('leaf')]
+made_of = lambda o: o.type == 'MESH' and o.data.materials and o.data.materials[0].name
+leaves = [o for o in bpy.data.objects if (made_of(o) or '').startswith('leaf')]
 found = {{'leaves': len(leaves), 'top_m': max(o.matrix_world.translation.z for o in leaves)}}
 os.write(out, json.dumps(found).encode())",
             one.path.display()
