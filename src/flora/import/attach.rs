@@ -9,6 +9,7 @@
 
 use super::Branch;
 use super::axis::Tube;
+use super::refused::Refused;
 use crate::form::nearest;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -59,7 +60,7 @@ fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], refused: &[Refused]
     let alike = tube.tip_radius >= ALIKE * tube.root_radius;
     let mut out = Vec::new();
     let mut near: Option<(usize, f64)> = None;
-    let mut stands: Option<f64> = None;
+    let mut ends = Vec::new();
     for turned in [false, true] {
         if turned && !alike {
             continue;
@@ -68,8 +69,7 @@ fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], refused: &[Refused]
             if turned { (tube.axis.last(), tube.tip_radius) } else { (tube.axis.first(), tube.root_radius) };
         let Some(end) = end.copied() else { continue };
         let reach = GAP * radius;
-        let gaps = refused.iter().filter_map(|piece| piece.within(end, reach));
-        stands = gaps.chain(stands).min_by(f64::total_cmp);
+        ends.push((end, reach));
         for (j, (low, high, thick)) in boxes.iter().enumerate() {
             let outside = (*low - end).max(end - *high).max(DVec3::ZERO).length() - thick;
             if j == k || outside > near.map_or(f64::INFINITY, |(_, gap)| gap.max(reach)) {
@@ -98,7 +98,9 @@ fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], refused: &[Refused]
     }
     out.sort_by(|a, b| a.weight.total_cmp(&b.weight).then(a.parent.cmp(&b.parent)));
     // A tube that it stands in, or that is nearer, is its parent all the same.
-    stands = stands.filter(|gap| out.first().is_none_or(|best| best.gap.max(0.0) > *gap));
+    let least = out.first().map_or(f64::INFINITY, |best| best.gap);
+    let gaps = || ends.iter().flat_map(|(end, reach)| refused.iter().filter_map(|piece| piece.within(*end, *reach)));
+    let stands = if least > 0.0 { gaps().min_by(f64::total_cmp).filter(|gap| *gap < least) } else { None };
     if stands.is_some() {
         out.clear();
     }
@@ -115,57 +117,11 @@ struct Choice {
     stands: Option<f64>,
 }
 
-/// A piece that is no tube.
-struct Refused<'a> {
-    low: DVec3,
-    high: DVec3,
-    triangles: &'a [[DVec3; 3]],
-}
-
-impl Refused<'_> {
-    /// How far a place is from the surface, if it is no farther than `reach`; 0 within the piece.
-    fn within(&self, place: DVec3, reach: f64) -> Option<f64> {
-        if (self.low - place).max(place - self.high).max(DVec3::ZERO).length() > reach {
-            return None;
-        }
-        let gaps = self.triangles.iter().map(|corners| beside(*corners, place));
-        let gap = gaps.min_by(f64::total_cmp)?;
-        // A closed surface covers the whole sphere around a place within it, an open tube most of it.
-        let covered = || self.triangles.iter().map(|corners| solid_angle(*corners, place)).sum::<f64>().abs();
-        if gap > reach && covered() > std::f64::consts::TAU { Some(0.0) } else { Some(gap).filter(|gap| *gap <= reach) }
-    }
-}
-
-/// The signed solid angle that a triangle covers, as seen from a place (Van Oosterom and Strackee 1983).
-fn solid_angle(corners: [DVec3; 3], place: DVec3) -> f64 {
-    let [a, b, c] = corners.map(|p| p - place);
-    let [x, y, z] = [a, b, c].map(|v| v.length());
-    2.0 * a.dot(b.cross(c)).atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
-}
-
-/// The distance of a place from a triangle.
-fn beside([a, b, c]: [DVec3; 3], place: DVec3) -> f64 {
-    let normal = (b - a).cross(c - a).normalize_or_zero();
-    let inside = |p: DVec3, q: DVec3| (q - p).cross(place - p).dot(normal) >= 0.0;
-    if normal != DVec3::ZERO && inside(a, b) && inside(b, c) && inside(c, a) {
-        return (place - a).dot(normal).abs();
-    }
-    nearest(&[a, b, c, a], place).1
-}
-
 /// Finds every tube's parent. Parents stand before what grows on them. `refused` are the triangles of each piece that
 /// is no tube.
-pub fn attach(tubes: Vec<Tube>, refused: &[Vec<[DVec3; 3]>]) -> Vec<Branch> {
+pub fn attach(tubes: Vec<Tube>, refused: Vec<Vec<[DVec3; 3]>>) -> Vec<Branch> {
     let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
-    let around = |triangles: &'_ Vec<[DVec3; 3]>| {
-        let empty = (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY));
-        triangles.iter().flatten().fold(empty, |(a, b), p| (a.min(*p), b.max(*p)))
-    };
-    let of = |triangles| {
-        let (low, high) = around(triangles);
-        Refused { low, high, triangles }
-    };
-    let refused: Vec<Refused> = refused.iter().map(of).collect();
+    let refused: Vec<Refused> = refused.into_iter().map(Refused::new).collect();
     let all: Vec<Choice> = (0..tubes.len()).into_par_iter().map(|k| candidates(&tubes, &boxes, &refused, k)).collect();
     // The thickest tubes come first.
     let mut order: Vec<usize> = (0..tubes.len()).collect();

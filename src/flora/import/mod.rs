@@ -10,6 +10,7 @@ pub mod attach;
 pub mod axis;
 pub mod flat;
 pub mod leaf;
+mod refused;
 pub mod soup;
 pub mod table;
 #[cfg(test)]
@@ -134,7 +135,7 @@ pub fn find(soup: &Soup) -> Found {
             }
         }
     }
-    found.branches = attach::attach(tubes, &refused);
+    found.branches = attach::attach(tubes, refused);
     leaf::hang(&mut found.leaves, &found.branches);
     found
 }
