@@ -2,6 +2,7 @@
 //! forks.
 
 use super::axis::{Mesh, range};
+use super::soup::Sets;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};
 
@@ -20,24 +21,17 @@ pub(super) fn longest_arm(neighbours: &[Vec<usize>], from_end: &[f64]) -> f64 {
     let mut order: Vec<usize> = (0..from_end.len()).collect();
     order.sort_by(|a, b| from_end[*b].total_cmp(&from_end[*a]));
     // The farthest vertices come first. Each is the tip of a new arm, or it lies on known arms, which meet there. Of
-    // two arms the one with the nearer tip ends where they meet. Each vertex leads to the tip of its arm.
-    let mut towards: Vec<Option<usize>> = vec![None; from_end.len()];
-    fn tip(towards: &mut [Option<usize>], mut v: usize) -> usize {
-        while let Some(next) = towards[v].filter(|next| *next != v) {
-            towards[v] = towards[next];
-            v = next;
-        }
-        v
-    }
+    // two arms the one with the nearer tip ends where they meet. The lowest number of an arm is that of its tip.
+    let (mut arms, mut number) = (Sets::default(), vec![None; from_end.len()]);
     let mut longest = 0.0f64;
-    for v in order {
-        towards[v] = Some(v);
-        for n in neighbours[v].iter().filter(|n| towards[**n].is_some()).copied().collect::<Vec<_>>() {
-            let (a, b) = (tip(&mut towards, v), tip(&mut towards, n));
+    for v in &order {
+        let own = arms.add();
+        number[*v] = Some(own);
+        for other in neighbours[*v].iter().filter_map(|n| number[*n]) {
+            let [a, b] = [own, other].map(|k| arms.top(k));
             if a != b {
-                let (far, near) = if from_end[a] >= from_end[b] { (a, b) } else { (b, a) };
-                longest = longest.max(from_end[near] - from_end[v]);
-                towards[near] = Some(far);
+                longest = longest.max(from_end[order[a.max(b) as usize]] - from_end[*v]);
+                arms.join(a, b);
             }
         }
     }

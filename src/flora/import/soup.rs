@@ -131,7 +131,7 @@ impl Sets {
     }
 
     /// The lowest number of the set that holds `k`.
-    fn top(&mut self, mut k: u32) -> u32 {
+    pub(super) fn top(&mut self, mut k: u32) -> u32 {
         while self.0[k as usize] != k {
             self.0[k as usize] = self.0[self.0[k as usize] as usize];
             k = self.0[k as usize];
