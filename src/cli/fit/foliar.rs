@@ -259,7 +259,7 @@ fn long(
     }
     spec.outputs = model.outputs();
     let drawn: Mutex<HashMap<String, Vec<Panel>>> = Mutex::default();
-    let tally = groups.run(&args.io.rows(common.json), &spec, |leaf, rows| {
+    let tally = groups.run(&args.io.rows(common.json), &spec, |leaf, rows, _| {
         let mut readings: Vec<Reading> = Vec::new();
         for row in rows {
             let light = match light_of(row) {
