@@ -57,13 +57,20 @@ impl Dialect {
             return Dialect { skipped: lines.get(first).map_or(0, |l| l.place), ..Dialect::CSV };
         }
         let sample = |from: usize| &lines[from..lines.len().min(from + ROWS)];
-        let (separator, blanks) = stated.map_or_else(|| separator(sample(at)), |s| (s, false));
+        let form = |lines: &[Line]| stated.map_or_else(|| separator(lines), |s| (s, false));
+        let (mut separator, mut blanks) = form(sample(at));
         // The names of the columns may be behind a comment mark; the line below is then one of numbers.
-        let mut mark = String::new();
-        if at > first && names_the_columns(&lines[at - 1], &lines[at], separator, blanks) {
-            at -= 1;
-            mark = mark_of(lines[at].text).unwrap_or_default().to_string();
+        let mut mark = "";
+        if let Some(names) = (at > first).then(|| unmarked(&lines[at - 1])) {
+            let with_names: Vec<Line> = std::iter::once(names).chain(sample(at).iter().copied()).collect();
+            let as_named = form(&with_names);
+            if names_the_columns(names, &lines[at], as_named) {
+                at -= 1;
+                mark = mark_of(lines[at].text).unwrap_or_default();
+                (separator, blanks) = as_named;
+            }
         }
+        let mark = mark.to_string();
         let decimal_comma = !blanks && separator != b',' && commas_are_decimal(&sample(at)[1..], separator);
         let comments = at - first;
         let skipped = lines[at].place;
@@ -205,12 +212,17 @@ fn is_number(text: &str) -> bool {
     matches!(cell::read(text, text.contains(','), &Possible::ANY), Cell::Number(_) | Cell::Stated)
 }
 
-/// Whether a comment line names the columns of the line below it, which then is the first row.
-fn names_the_columns(comment: &Line, below: &Line, separator: u8, blanks: bool) -> bool {
-    let Some(mark) = mark_of(comment.text) else { return false };
-    let text = String::from_utf8_lossy(comment.text);
-    let text = text.trim_start().trim_start_matches('"').trim_start_matches(mark);
-    let (names, row) = (cells(text.as_bytes(), separator, blanks), cells(below.text, separator, blanks));
+/// A comment line without its mark.
+fn unmarked<'a>(line: &Line<'a>) -> Line<'a> {
+    let text = line.text.trim_ascii_start();
+    let text = text.strip_prefix(b"\"").unwrap_or(text);
+    Line { text: text.strip_prefix(mark_of(line.text).unwrap_or_default().as_bytes()).unwrap_or(text), ..*line }
+}
+
+/// Whether a comment line, which comes without its mark, names the columns of the line below it, which then is the
+/// first row.
+fn names_the_columns(names: Line, below: &Line, (separator, blanks): (u8, bool)) -> bool {
+    let (names, row) = (cells(names.text, separator, blanks), cells(below.text, separator, blanks));
     let numbers: Vec<f64> = row.iter().filter_map(|c| c.replace(',', ".").parse().ok()).collect();
     let one = names.len() == 1;
     let alike = names.len() == row.len() && !(one && names[0].contains(char::is_whitespace));

@@ -208,7 +208,10 @@ fn leave_out_repeated(table: &Table, spec: &Spec, groups: &mut [Group]) {
                 if let Some(&k) = needed {
                     left.add(row.line, format!("{} is missing ({mark})", names[k]));
                 }
-                places.iter().filter(|&&k| row.values[k] == mark).for_each(|&k| row.values[k] = f64::NAN);
+                for &k in places.iter().filter(|&&k| k >= spec.required.len()) {
+                    let value = &mut row.values[k];
+                    *value = if *value == mark { f64::NAN } else { *value };
+                }
                 needed.is_none()
             });
         }

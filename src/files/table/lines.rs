@@ -83,6 +83,19 @@ impl Encoding {
     }
 }
 
+/// A whole text file as UTF-8 with line feeds, whatever its encoding and line ends; `None` where it is no text.
+pub fn plain_text(bytes: &[u8]) -> Option<String> {
+    let (encoding, mark) = Encoding::of(bytes);
+    let mut text = String::new();
+    match encoding {
+        Encoding::Utf8 => text.push_str(std::str::from_utf8(&bytes[mark..]).ok()?),
+        Encoding::Utf16 { big_endian } => {
+            FromUtf16::new(&bytes[mark..], big_endian).read_to_string(&mut text).ok()?;
+        }
+    }
+    Some(if text.contains('\r') { text.replace("\r\n", "\n").replace('\r', "\n") } else { text })
+}
+
 /// A text in UTF-16 as UTF-8. What is no character becomes a replacement character.
 pub(super) struct FromUtf16<R> {
     source: R,

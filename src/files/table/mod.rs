@@ -8,6 +8,8 @@
 
 mod cell;
 mod dialect;
+#[cfg(test)]
+mod forms;
 mod groups;
 mod json;
 mod left;
@@ -23,6 +25,7 @@ mod tally;
 
 pub use groups::{GroupRow, Groups};
 pub use left::LeftOut;
+pub use lines::plain_text;
 pub use mesophyll_error::Status;
 pub use possible::Physical;
 pub use record::Record;

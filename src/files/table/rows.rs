@@ -73,6 +73,8 @@ pub struct Rows<R> {
     line: usize,
     /// Number of the next row.
     number: usize,
+    /// The lines of another file that the rows stand for, without the header's.
+    stands_for: Vec<usize>,
 }
 
 /// Where a line's text ends.
@@ -89,7 +91,16 @@ impl<R: Read> Rows<R> {
     pub fn new(source: R, dialect: &Dialect) -> Self {
         let source = BufReader::with_capacity(1 << 18, Lines::new(source));
         let (separator, blanks) = (dialect.separator, dialect.blanks);
-        Rows { source, separator, blanks, ahead: VecDeque::new(), line: 1, number: 0 }
+        Rows { source, separator, blanks, ahead: VecDeque::new(), line: 1, number: 0, stands_for: Vec::new() }
+    }
+
+    /// Makes the rows below the header name the lines of another file.
+    pub fn stand_for(&mut self, lines: Vec<usize>) {
+        self.stands_for = lines;
+    }
+
+    fn named(&self, line: usize) -> usize {
+        self.number.checked_sub(1).and_then(|row| self.stands_for.get(row)).copied().unwrap_or(line)
     }
 
     /// Number of the next line, from 1.
@@ -147,7 +158,7 @@ impl<R: Read> Rows<R> {
     /// Adds the lines without quotes that are in memory already, until `block` has `most` rows: the same rows as by
     /// [`Rows::next`], in a fifth of the time.
     pub fn in_memory(&mut self, block: &mut Block, most: usize) -> io::Result<()> {
-        if !self.ahead.is_empty() || self.blanks {
+        if !self.ahead.is_empty() || self.blanks || !self.stands_for.is_empty() {
             return Ok(());
         }
         let seen = self.source.fill_buf()?;
@@ -228,7 +239,7 @@ impl<R: Read> Rows<R> {
             block.bytes.truncate(end);
         }
         block.bytes.push(b'\n');
-        block.rows.push(At { start, number: self.number, line: self.line, lines, plain });
+        block.rows.push(At { start, number: self.number, line: self.named(self.line), lines, plain });
         self.number += 1;
         true
     }

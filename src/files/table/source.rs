@@ -93,6 +93,14 @@ impl Table {
         Ok(table)
     }
 
+    /// This table as one that was made of another: `source` is the file that is read, and `lines` are the lines of that
+    /// file that its rows come from, for messages.
+    pub fn standing_for(mut self, source: &Path, lines: Vec<usize>) -> Table {
+        self.source = source.to_path_buf();
+        self.rows.stand_for(lines);
+        self
+    }
+
     fn read_header(&mut self) -> Result<()> {
         let mut record = Record::default();
         self.next_record(&mut record)?;
