@@ -177,7 +177,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             return;
         }
         let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String]| {
-            if let Some(why) = shares.refuse(columns.iter().map(String::as_str).zip(cells).take(2)) {
+            if let Some(why) = shares.refuse_each(columns.iter().map(String::as_str).zip(cells).take(2)) {
                 return Answer::refused(why);
             }
             let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);

@@ -261,13 +261,19 @@ impl Shares {
         Ok(Shares { scale: if percent { 0.01 } else { 1.0 }, unsaid })
     }
 
-    /// Why a row with these readings is refused before it is computed, if so.
-    pub fn refuse<'a>(&self, readings: impl Iterator<Item = (&'a str, f64)>) -> Option<String> {
-        let mut readings = readings.filter(|(_, v)| v.is_finite()).peekable();
-        let first = readings.peek().copied();
-        let single = || readings.find(|(_, v)| self.scale == 1.0 && percent::must_be(*v));
-        let (name, value) = if self.unsaid { first } else { single() }?;
-        Some(format!("{name} is {value}: {}", percent::SENTENCE))
+    /// Why these readings are refused before they are computed, if the whole table plainly is in per cent.
+    pub fn refuse<'a>(&self, mut readings: impl Iterator<Item = (&'a str, f64)>) -> Option<String> {
+        self.unsaid.then(|| match readings.find(|(_, v)| v.is_finite()) {
+            Some((name, value)) => format!("{name} is {value}: {}", percent::SENTENCE),
+            None => "no reading".into(),
+        })
+    }
+
+    /// As [`Shares::refuse`], also for one reading that can only be in per cent.
+    pub fn refuse_each<'a>(&self, readings: impl Iterator<Item = (&'a str, f64)> + Clone) -> Option<String> {
+        let must = |(_, v): &(&str, f64)| self.scale == 1.0 && percent::must_be(*v);
+        let one = |(name, v): (&str, f64)| format!("{name} is {v}: {}", percent::SENTENCE);
+        self.refuse(readings.clone()).or_else(|| readings.clone().find(must).map(one))
     }
 
     /// Whether all rows are refused.
