@@ -194,7 +194,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             answer
         };
         if wide.is_empty() {
-            let wavelength = if args.plots.is_some() { unit_nm * row.get(5) } else { f64::NAN };
+            let wavelength = if args.plots.is_some() { spectra::in_nm(row.get(5), unit_nm) } else { f64::NAN };
             out.push(fitted(wavelength, [0, 1, 3, 4].map(|k| row.get(k)), &names));
         }
         for (k, (wavelength, columns)) in wide.iter().enumerate() {

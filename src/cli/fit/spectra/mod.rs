@@ -90,7 +90,7 @@ pub fn wide(table: &Table) -> Wide {
     let (mut found, errors) = (Wide::default(), errors(&names));
     for (text, name) in numbered {
         let unit = name.unit_nm.unwrap_or(if micrometres { 1e3 } else { 1.0 });
-        let wavelength = name.number.unwrap_or(f64::NAN) * unit;
+        let wavelength = in_nm(name.number.unwrap_or(f64::NAN), unit);
         if !is_wavelength(wavelength) {
             found.replicates.extend(name.through.is_some().then(|| text.to_string()));
             continue;
@@ -107,6 +107,11 @@ pub fn wide(table: &Table) -> Wide {
         }
     }
     found
+}
+
+/// A wavelength in nm; µm are rounded, so that 0.57 is 570 and no number beside it.
+pub fn in_nm(wavelength: f64, unit_nm: f64) -> f64 {
+    if unit_nm == 1.0 { wavelength } else { (wavelength * unit_nm * 1e6).round() / 1e6 }
 }
 
 /// Whether a number can be a wavelength in nm. Smaller ones count replicates.

@@ -2,7 +2,7 @@
 //! with a row for each leaf and wavelength.
 
 use super::name::{Name, quantity_of};
-use super::{LEAF, Wide, only_leaf, wide};
+use super::{LEAF, Wide, in_nm, only_leaf, wide};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{Record, Table, counted, push_text};
@@ -121,7 +121,7 @@ fn joined(mut table: Table, found: &Wide, kind: usize, tidy: Option<(usize, usiz
         match tidy {
             Some((value, at)) => {
                 if let Ok(Some(w)) = table.number(&record, at) {
-                    readings.push((w * unit, plain(&table, &record, value)));
+                    readings.push((in_nm(w, unit), plain(&table, &record, value)));
                 }
             }
             None => readings.extend(bare.iter().map(|&(k, nm)| (nm, plain(&table, &record, k)))),
