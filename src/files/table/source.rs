@@ -296,7 +296,7 @@ impl Table {
             &self.name,
             format!(
                 "{answered} of its {there} lines below the header were answered, expected all; this is a fault of the \
-                 program, and nothing was written"
+                 program, and no file was written"
             ),
         ))
     }
