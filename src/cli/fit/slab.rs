@@ -119,6 +119,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     } else {
         Vec::new()
     };
+    if table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+        let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
+        return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
+    }
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
     let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
     let mut spec = Spec {

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Names of the column with the leaf's name; the first one that exists is used.
-pub const LEAF: [&str; 5] = ["leaf", "leaf_id", "sample", "sample_id", "id"];
+pub const LEAF: [&str; 4] = ["leaf", "leaf_id", "sample", "sample_id"];
 
 /// A column of readings.
 #[derive(Debug, Clone, PartialEq)]
@@ -266,7 +266,9 @@ impl Shares {
     /// # Errors
     /// [`Error::Input`] for readings that are fractions although `percent` says otherwise.
     pub fn of(table: &Table, columns: &[String], percent: bool) -> Result<Shares> {
-        let values = table.head(columns);
+        // Marks of missing readings tell nothing.
+        let mut values = table.head(columns);
+        values.retain(|v| (-0.9..=200.0).contains(v));
         let named = columns.iter().any(|c| table.column(c).is_some() && Name::of(c).is_some_and(|n| n.percent));
         if percent && !named && percent::are_fractions(&values) {
             let largest = values.iter().fold(0.0, |a: f64, v| a.max(*v));
