@@ -119,7 +119,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     } else {
         Vec::new()
     };
-    if table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+    let shares_are_there = !wide.is_empty() || table.column(&names[0]).is_some();
+    if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
         let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
         return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
     }

@@ -111,7 +111,10 @@ impl Table {
         }
         let line = record.line.max(1);
         let cell = |k: usize| match record.text(Some(k)) {
-            Some(Ok(text)) => Ok(text.trim_start_matches('\u{feff}').trim().to_string()),
+            // What was no text in UTF-16 is a replacement character.
+            Some(Ok(text)) if !text.contains(char::REPLACEMENT_CHARACTER) => {
+                Ok(text.trim_start_matches('\u{feff}').trim().to_string())
+            }
             _ => Err(Error::input(name, format!("line {line}: not valid UTF-8 text"))),
         };
         let mut header = (0..record.len()).map(cell).collect::<Result<Vec<String>>>()?;
