@@ -70,7 +70,11 @@ impl Table {
         let (head, whole, rest, encoding) = begin(source).map_err(|e| unreadable(&e))?;
         let dialect = Dialect::of(&head, whole);
         let utf_16 = (encoding != Encoding::Utf8).then(|| "as UTF-16".to_string());
-        let parts: Vec<String> = utf_16.into_iter().chain(dialect.words()).collect();
+        let form = dialect.words().map(|words| match words.starts_with("separated") && utf_16.is_none() {
+            true => format!("as {words}"),
+            false => words,
+        });
+        let parts: Vec<String> = utf_16.iter().cloned().chain(form).collect();
         let mut rows: Rows<Source> = Rows::new(Box::new(Cursor::new(head.clone()).chain(rest)), &dialect);
         let before = rows.skip(dialect.skipped).map_err(|e| unreadable(&e))?;
         let mut table = Table {
