@@ -268,10 +268,7 @@ pub fn through(mut source: Box<dyn Read + Send>, path: &Path) -> Result<(Box<dyn
     let Some(form) = recognise(&bytes) else {
         return Ok((Box::new(io::Cursor::new(bytes).chain(source)), None));
     };
-    source.take(MOST_BYTES).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 >= MOST_BYTES {
-        return Err(Error::input(path, format!("{} of more than {} MB is too long", form.name(), MOST_BYTES >> 20)));
-    }
+    let bytes = whole(bytes, source, path)?;
     let (table, stated) = if form == Form::Xlsx {
         let (table, notes) = sheet(&bytes).map_err(|why| Error::input(path, why))?;
         (table, Stated::of_sheet(notes))
@@ -286,10 +283,26 @@ pub fn through(mut source: Box<dyn Read + Send>, path: &Path) -> Result<(Box<dyn
     Ok((Box::new(io::Cursor::new(table)), Some(stated)))
 }
 
+/// A file of an instrument whose first bytes, `head`, were read already.
+///
+/// # Errors
+/// An unreadable file, and one that is longer than any file of an instrument.
+pub fn whole(head: Vec<u8>, rest: impl Read, path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = head;
+    rest.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        let form = recognise(&bytes).map_or("a file", Form::name);
+        return Err(Error::input(path, format!("{form} of more than {} MB is too long", MOST_BYTES >> 20)));
+    }
+    Ok(bytes)
+}
+
 /// The sample's name: the name of the file without its ending.
 pub fn sample(path: &Path) -> String {
     match path.file_stem() {
-        Some(stem) if path != Path::new("-") => stem.to_string_lossy().into_owned(),
+        Some(stem) if !["-", "standard input"].iter().any(|p| path == Path::new(p)) => {
+            stem.to_string_lossy().into_owned()
+        }
         _ => "sample".into(),
     }
 }

@@ -32,27 +32,28 @@ enum Cell {
     Text(String),
 }
 
-fn unpacks_within_bounds(bytes: &[u8]) -> Result<(), String> {
+/// Unpacks the archive and forgets it, to see that it has no more than `most` bytes.
+pub(super) fn unpacks_within(most: u64, bytes: &[u8]) -> Result<(), String> {
     let damaged = |e: zip::result::ZipError| format!("its archive is damaged: {e}");
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
     if archive.len() > MOST_PARTS {
         return Err(format!("its archive has {} parts; expected at most {MOST_PARTS}", archive.len()));
     }
-    let mut left = MOST_BYTES;
+    let mut left = most;
     for k in 0..archive.len() {
         let part = archive.by_index(k).map_err(damaged)?;
         let unpacked = std::io::copy(&mut part.take(left + 1), &mut std::io::sink())
             .map_err(|e| format!("its archive is damaged: {e}"))?;
         left = left
             .checked_sub(unpacked)
-            .ok_or_else(|| format!("it unpacks to more than {} MB; save the table alone, as CSV", MOST_BYTES >> 20))?;
+            .ok_or_else(|| format!("it unpacks to more than {} MB; save the table alone, as CSV", most >> 20))?;
     }
     Ok(())
 }
 
 /// The first visible sheet with a table, as CSV, and notes on what was left out.
 pub(super) fn sheet(bytes: &[u8]) -> Result<(Vec<u8>, Vec<String>), String> {
-    unpacks_within_bounds(bytes)?;
+    unpacks_within(MOST_BYTES, bytes)?;
     let damaged = |e: calamine::XlsxError| format!("it cannot be read: {e}");
     let mut book: Xlsx<_> = Xlsx::new(Cursor::new(bytes)).map_err(damaged)?;
     let sheets = book.sheets_metadata();

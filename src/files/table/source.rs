@@ -2,6 +2,7 @@
 
 use super::rows::{Block, Rows};
 use crate::atomic;
+use crate::instrument::{self, Stated};
 use crate::{Error, Result};
 use memchr::memchr_iter;
 use std::borrow::Cow;
@@ -20,6 +21,8 @@ pub struct Table {
     name: PathBuf,
     /// The file, or `-`.
     source: PathBuf,
+    /// What the file states besides its cells, where it is one of an instrument.
+    stated: Option<Stated>,
     /// Names of the columns.
     pub header: Vec<String>,
     places: HashMap<String, usize>,
@@ -32,7 +35,7 @@ const MOST_COLUMNS: usize = 65_536;
 const MOST_BYTES: usize = 1 << 24;
 
 impl Table {
-    /// Opens `path` (`-`: standard input) and reads the header line.
+    /// Opens `path` (`-`: standard input) and reads the header line. A file of an instrument becomes a table first.
     ///
     /// # Errors
     /// [`Error::Input`] for a missing file, no header, or a column named twice.
@@ -43,7 +46,8 @@ impl Table {
             let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
             (Box::new(file), path.to_path_buf())
         };
-        Ok(Table { source: path.to_path_buf(), ..Table::from_reader(source, name)? })
+        let (source, stated) = instrument::through(source, &name)?;
+        Ok(Table { source: path.to_path_buf(), stated, ..Table::from_reader(source, name)? })
     }
 
     /// A table from any source; `name` takes the place of the file's name in messages.
@@ -55,6 +59,7 @@ impl Table {
             at: 0,
             source: name.clone(),
             name,
+            stated: None,
             header: Vec::new(),
             places: HashMap::new(),
         };
@@ -95,6 +100,11 @@ impl Table {
         &self.name
     }
 
+    /// What the file states besides its cells; `None` for a plain table.
+    pub fn stated(&self) -> Option<&Stated> {
+        self.stated.as_ref()
+    }
+
     /// Position of a column.
     pub fn column(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
@@ -102,8 +112,9 @@ impl Table {
 
     /// Position of a column that must be there.
     pub fn require(&self, name: &str) -> Result<usize> {
-        self.column(name).ok_or_else(|| {
-            Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header()))
+        self.column(name).ok_or_else(|| match &self.stated {
+            Some(stated) => Error::input(&self.name, stated.lacks(name)),
+            None => Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header())),
         })
     }
 
