@@ -76,20 +76,16 @@ impl Stated {
         }
     }
 
-    /// Whether the refractive index that was asked for (`--index`; `None` where it was not given) is the one that the
-    /// form states, within what dispersion may change.
+    /// Whether the refractive index that was asked for (`--index`, 1 where it was not given) is the one that the form
+    /// states, within what dispersion may change.
     ///
     /// # Errors
-    /// The form states another index than 1 and another one, or none, was asked for.
-    pub fn check_index(&self, path: &Path, asked: Option<f64>) -> Result<()> {
-        let form = self.form.name();
-        match (self.index, asked) {
-            (Some(n), None) if (n - 1.0).abs() > 1e-9 => {
-                Err(Error::input(path, format!("{form} states a sample of refractive index {n}: add --index {n}")))
-            }
-            (Some(n), Some(asked)) if (n - asked).abs() > 0.03 => Err(Error::input(
+    /// The form states another index.
+    pub fn check_index(&self, path: &Path, asked: f64) -> Result<()> {
+        match self.index {
+            Some(n) if (n - asked).abs() > 0.03 => Err(Error::input(
                 path,
-                format!("{form} states a sample of refractive index {n}, and --index is {asked}; expected --index {n}"),
+                format!("{} states a sample of refractive index {n}: add --index {n}", self.form.name()),
             )),
             _ => Ok(()),
         }

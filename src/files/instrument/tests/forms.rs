@@ -281,7 +281,7 @@ fn what_is_stated_is_checked() {
     assert!(percent.lacks("alpha").contains("--percent` takes"));
     let share = stated(rxt(header(0.0), "", "2", "900 .31 .21\n").as_bytes());
     assert!(share.check_percent(path, false).is_ok() && share.check_percent(path, true).is_err());
-    assert!(share.check_index(path, None).unwrap_err().to_string().contains("add --index 1.4"));
-    assert!(share.check_index(path, Some(1.41)).is_ok() && share.check_index(path, Some(1.5)).is_err());
-    assert!(percent.check_index(path, None).is_ok());
+    assert!(share.check_index(path, 1.0).unwrap_err().to_string().contains("add --index 1.4"));
+    assert!(share.check_index(path, 1.41).is_ok() && share.check_index(path, 1.5).is_err());
+    assert!(percent.check_index(path, 1.0).is_ok());
 }
