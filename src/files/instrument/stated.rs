@@ -28,6 +28,11 @@ impl Stated {
         Stated { form: Form::Xlsx, unit: None, index: None, holds: Vec::new(), notes }
     }
 
+    /// What a user should know of what was read.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
     /// Says which form was read, and its notes.
     pub(super) fn say(&self, path: &Path) {
         let unit = self.unit.map_or_else(String::new, |unit| format!(", in {unit}"));

@@ -247,8 +247,14 @@ impl Shares {
     /// Judges the first rows of `columns`. `percent` says that they are in per cent.
     ///
     /// # Errors
-    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise.
+    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise, and for a file of an
+    /// instrument whose form states the other unit.
     pub fn of(table: &Table, columns: &[String], percent: bool) -> Result<Shares> {
+        let scale = if percent { 0.01 } else { 1.0 };
+        if let Some(stated) = table.stated().filter(|stated| stated.unit.is_some()) {
+            stated.check_percent(table.name(), percent)?;
+            return Ok(Shares { scale, unsaid: false });
+        }
         let values = table.head(columns);
         let named = columns.iter().any(|c| table.column(c).is_some() && Name::of(c).is_some_and(|n| n.percent));
         if percent && !named && percent::are_fractions(&values) {
@@ -258,7 +264,7 @@ impl Shares {
             return Err(Error::input(table.name(), what));
         }
         let unsaid = !percent && (named || percent::looks(&values));
-        Ok(Shares { scale: if percent { 0.01 } else { 1.0 }, unsaid })
+        Ok(Shares { scale, unsaid })
     }
 
     /// Why these readings are refused before they are computed, if the whole table plainly is in per cent.

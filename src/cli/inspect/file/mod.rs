@@ -1,16 +1,16 @@
 //! `mesophyll inspect FILE`: what a file is, what it holds, and which command takes it.
 
 mod others;
-mod spectra;
 mod tables;
+mod takes;
 
+use crate::fit::spectra;
 use crate::{Common, Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::instrument::{self, File, Form, Quantity, Unit};
-use mesophyll_files::table::Table;
 use serde::Serialize;
 use std::fmt::Write;
-use std::io::{Cursor, Read};
+use std::io::Read;
 use std::path::Path;
 
 /// What a look at a file found.
@@ -64,7 +64,7 @@ pub fn run(path: &Path, common: &Common) -> Result<u8> {
         }
         None => match others::told(&head, path)? {
             Some(found) => found,
-            None => tables::of(Table::open(path)?, path)?,
+            None => tables::of(spectra::open(path)?, path)?,
         },
     };
     if common.json {
@@ -77,8 +77,10 @@ pub fn run(path: &Path, common: &Common) -> Result<u8> {
 
 fn of_instrument(form: Form, bytes: &[u8], path: &Path) -> Result<Found> {
     if form == Form::Xlsx {
-        let (csv, notes) = instrument::sheet(bytes).map_err(|why| Error::input(path, why))?;
-        let mut found = tables::of(Table::from_reader(Box::new(Cursor::new(csv)), path.to_path_buf())?, path)?;
+        // The sheet that is read becomes a table, as in every command.
+        let table = spectra::open(path)?;
+        let notes = table.stated().map(|s| s.notes().to_vec()).unwrap_or_default();
+        let mut found = tables::of(table, path)?;
         found.form = format!("{} with {}", form.name(), found.form);
         found.notes.splice(0..0, notes);
         return Ok(found);
@@ -97,7 +99,7 @@ fn of_instrument(form: Form, bytes: &[u8], path: &Path) -> Result<Found> {
         ..Found::default()
     };
     if file.barred.is_none() {
-        let spectrum = spectra::Spectrum {
+        let spectrum = takes::Spectrum {
             reflectance: file.has(Quantity::Reflectance),
             transmittance: file.has(Quantity::Transmittance),
             thickness: file.thickness_mm.is_some() || file.readings.iter().any(|r| !r.thickness_mm.is_nan()),

@@ -1,8 +1,9 @@
 //! Which command takes a table, by the names of its columns.
 
-use super::spectra::{Spectrum, reading};
+use super::takes::Spectrum;
 use super::{Found, listed, quoted};
 use crate::Result;
+use crate::fit::spectra::{self, LEAF, Shares};
 use mesophyll_files::table::{Record, Table};
 use std::collections::HashSet;
 use std::path::Path;
@@ -45,10 +46,6 @@ const KINDS: [(&[&str], &str, &str); 16] = [
     (&["view_zenith_deg"], "directions of view", "mesophyll eval canopy SCENE.toml --directions FILE"),
 ];
 
-/// Names of columns of thicknesses.
-const THICKNESS: [&str; 5] = ["h", "thickness_mm", "thickness_um", "thickness_m", "thickness"];
-const LEAF: [&str; 3] = ["leaf", "leaf_id", "sample"];
-
 /// What a table holds, and which command takes it.
 pub fn of(mut table: Table, path: &Path) -> Result<Found> {
     let mut found = Found { form: "a table".into(), ..Found::default() };
@@ -74,57 +71,71 @@ pub fn of(mut table: Table, path: &Path) -> Result<Found> {
     Ok(found)
 }
 
-/// A table of reflectances and transmittances, in long or wide form.
+/// A table of reflectances and transmittances, in any form that the fits of spectra read.
 fn spectra(mut table: Table, mut found: Found, path: &Path) -> Result<Found> {
-    let columns: Vec<(usize, bool, Option<f64>)> =
-        table.header.iter().enumerate().filter_map(|(k, name)| reading(name).map(|(t, w)| (k, t, w))).collect();
-    let across = table.column("wavelength_nm");
-    // A table has one of the two forms; rho_d and rho_t stand without wavelengths.
-    let wide = columns.iter().any(|c| c.2.is_some());
-    let columns: Vec<_> = columns.into_iter().filter(|c| c.2.is_some() == wide).collect();
+    let wide = spectra::wide(&table);
+    let (columns, across) = match spectra::long(&table)? {
+        _ if !wide.readings.is_empty() => (wide.readings.clone(), None),
+        Some(long) => (long.readings, Some((table.require(&long.wavelength)?, long.unit_nm))),
+        None => (spectra::readings(&table)?, None),
+    };
+    let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
+    // With two rows a leaf the readings are found in another table; here they are unknown.
+    let percent = !names.is_empty() && Shares::of(&table, &names, false).is_ok_and(|shares| shares.refuses_all());
+    let places: Vec<usize> = names.iter().map(|name| table.require(name)).collect::<Result<_>>()?;
     let leaf = LEAF.iter().find_map(|name| table.column(name));
     let (mut leaves, mut wavelengths) = (HashSet::new(), HashSet::new());
-    let (mut rows, mut readings, mut large, mut too_large) = (0, 0usize, 0usize, false);
+    let (mut rows, mut read) = (0, vec![0usize; places.len()]);
     let mut record = Record::default();
     while table.next_record(&mut record)? {
         rows += 1;
-        let number = |k: usize| record.shown(k).trim().parse::<f64>().ok().filter(|v| v.is_finite());
-        if let Some(w) = across.and_then(number) {
+        let number = |k: usize| table.number(&record, k).ok().flatten().filter(|v| v.is_finite());
+        if let Some(w) = across.and_then(|(k, unit)| Some(number(k)? * unit)) {
             wavelengths.insert(w.to_bits());
         }
         leaves.insert(leaf.map_or_else(String::new, |k| record.shown(k).into_owned()));
-        for v in columns.iter().filter_map(|c| number(c.0)) {
-            readings += 1;
-            large += usize::from(v > 1.5);
-            too_large |= v > 150.0;
+        for (count, place) in read.iter_mut().zip(&places) {
+            *count += usize::from(number(*place).is_some());
         }
     }
     found.rows = Some(rows);
     if columns.is_empty() {
-        found.reason = Some(format!(
-            "no command takes a table with the columns {}; `mesophyll fit slab --help` and the helps of the other \
-             commands show theirs",
-            listed(&table.header)
-        ));
+        found.reason = Some(match spectra::has_others(&wide) {
+            true => {
+                spectra::nothing(&table, &wide, "the fits of spectra take columns such as R450 and T450").to_string()
+            }
+            false => format!(
+                "no command takes a table with the columns {}; `mesophyll fit slab --help` and the helps of the other \
+                 commands show theirs",
+                listed(&table.header)
+            ),
+        });
         return Ok(found);
     }
-    if wide {
-        wavelengths = columns.iter().filter_map(|c| c.2).map(f64::to_bits).collect();
+    let is_wide = !wide.readings.is_empty();
+    if is_wide {
+        wavelengths = columns.iter().map(|c| c.wavelength.to_bits()).collect();
     }
-    let has = |through: bool| columns.iter().any(|c| c.1 == through);
+    let has = |through: bool| columns.iter().zip(&read).any(|(c, n)| c.through == through && *n > 0);
+    let usual = ["rho_d", "rho_t", "h", "", ""];
+    let mut inputs = usual.map(String::from);
+    spectra::find(&table, &usual, &mut inputs)?;
     let spectrum = Spectrum {
         reflectance: has(false),
         transmittance: has(true),
-        thickness: THICKNESS.iter().any(|name| table.column(name).is_some()),
-        // A quarter of the readings is above any share, and none above per cent.
-        percent: large > 0 && 4 * large >= readings && !too_large,
+        thickness: table.column(&inputs[2]).is_some(),
+        percent,
         wavelengths: !wavelengths.is_empty(),
         index: None,
     };
     let quantities = [(spectrum.reflectance, "reflectance"), (spectrum.transmittance, "transmittance")];
     found.holds = quantities.iter().filter(|(has, _)| *has).map(|(_, name)| name.to_string()).collect();
-    found.unit = (readings > 0).then(|| if spectrum.percent { "per cent" } else { "share" }.into());
-    found.form = match (spectrum.wavelengths, wide) {
+    if found.holds.is_empty() {
+        found.reason = Some("its columns of reflectance and transmittance hold no number".into());
+        return Ok(found);
+    }
+    found.unit = Some(if percent { "per cent" } else { "share" }.into());
+    found.form = match (spectrum.wavelengths, is_wide) {
         (false, _) => "a table of reflectances and transmittances",
         (true, true) => "a table of spectra, a row a leaf",
         (true, false) => "a table of spectra, a row a wavelength",
@@ -135,9 +146,9 @@ fn spectra(mut table: Table, mut found: Found, path: &Path) -> Result<Found> {
         let extreme = |pick: fn(f64, f64) -> f64| all.iter().copied().reduce(pick).unwrap_or(f64::NAN);
         found.wavelength_nm = Some([extreme(f64::min), extreme(f64::max)]);
         found.wavelengths = Some(all.len());
-        let samples = if wide { rows } else { leaves.len().min(rows) };
-        let per_leaf = if wide { found.holds.len() } else { columns.len() };
-        found.spectra = Some(samples * per_leaf);
+        // In long form each column is a spectrum of each leaf, in wide form each quantity and side.
+        let kinds: HashSet<(bool, bool)> = columns.iter().map(|c| (c.through, c.is_abaxial())).collect();
+        found.spectra = Some(kinds.len() * if is_wide { rows } else { leaves.len() });
     }
     spectrum.takes(&mut found, path);
     Ok(found)

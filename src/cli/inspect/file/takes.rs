@@ -48,22 +48,3 @@ impl Spectrum {
         }
     }
 }
-
-/// A column of readings at one wavelength (`R450`, `T550.5`), or of readings whose wavelength stands in each row.
-pub fn reading(name: &str) -> Option<(bool, Option<f64>)> {
-    let name = name.strip_suffix("_abaxial").or_else(|| name.strip_suffix("_adaxial")).unwrap_or(name);
-    if let Some(through) = match name {
-        "R" | "rho_d" => Some(false),
-        "T" | "rho_t" => Some(true),
-        _ => None,
-    } {
-        return Some((through, None));
-    }
-    let through = match name.as_bytes().first()? {
-        b'R' => false,
-        b'T' => true,
-        _ => return None,
-    };
-    let wavelength = name.get(1..)?.parse::<f64>().ok()?;
-    (100.0..=30_000.0).contains(&wavelength).then_some((through, Some(wavelength)))
-}
