@@ -12,8 +12,11 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
         if line.trim_start().to_ascii_lowercase().starts_with("wavelength") {
             break line;
         }
-        told += &line.to_ascii_lowercase();
-        told.push('\n');
+        // The first sentence has the file's path, whose words say nothing.
+        if !line.starts_with("Text conversion") {
+            told += &line.to_ascii_lowercase();
+            told.push('\n');
+        }
     };
     let separator = ['\t', ';', ','].into_iter().find(|s| header.contains(*s)).unwrap_or(' ');
     let leaves: Vec<String> =

@@ -143,7 +143,7 @@ fn asd_text_says_what_it_holds() {
     let text = |compared: &str| {
         let rows: String = (350..=2500).map(|w| format!("{w}\t {} \n", leaf(f64::from(w)))).collect();
         format!(
-            "\nText conversion of header file x.asd\n ---\nNew ASD spectrum file: Program version = 6.04\nVNIR \
+            "\nText conversion of header file C:\\transmittance\\x.asd\n ---\nNew ASD spectrum file: Program version = 6.04\nVNIR \
              integration time : 34\n{compared}\nSpectrum file is raw data with embedded reference\n\nWavelength\tx.asd\n{rows}"
         )
     };
