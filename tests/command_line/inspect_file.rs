@@ -38,7 +38,8 @@ fn sig() -> String {
 /// A table of inverse adding-doubling for a bare slab of this index.
 fn rxt(index: f64, spheres: u32) -> String {
     format!(
-        "IAD1\n{index} 1 # indices\n0.2 0 5 0.98\n{spheres}\n100 20 10 5 0.97\n100 20 0 5 0.97\n2\n550 0.12 0.15\n650 0.06 0.05\n"
+        "IAD1\n{index} 1 # indices\n0.2 0 5 0.98\n{spheres}\n100 20 10 5 0.97\n100 20 0 5 0.97\n2\n550 0.12 \
+         0.15\n650 0.06 0.05\n"
     )
 }
 

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 Files of instruments: SVC and GER .sig, Spectral Evolution .sed, ASD .asd and its text, CI-710s, iad .rxt, LI-COR text,
 .xlsx (docs/tables.md says what is read of them). With --json the answer for a file has the keys form, holds, unit,
 wavelength_nm, wavelengths, spectra, command, reason, notes.
-The exit code is 2 when the capture cannot be fitted (every problem is listed), and when a file is damaged or unknown.")]
+The exit code is 2 when the capture cannot be fitted (every problem is listed), and for a damaged or unknown file.")]
 pub struct Args {
     /// The capture's folder (holds capture.toml), or a file
     #[arg(value_name = "CAPTURE|FILE")]

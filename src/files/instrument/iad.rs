@@ -164,21 +164,21 @@ fn barred<I: Iterator<Item = f64>>(
     if most > 0.0 && !(dual && most < 2.0) {
         let (s, it) = if most > 1.0 { ("s", "them") } else { ("", "it") };
         return Some(format!(
-            "it was measured with {most} integrating sphere{s}, and its values of M_R and M_T are not yet corrected for \
+            "it was measured with {most} integrating sphere{s}, and its M_R and M_T are not yet corrected for \
              {it}; invert it with `iad`, or give the corrected reflectance and transmittance as a table"
         ));
     }
     let (has_slides, per_row) = (slide_thickness > 0.0 && slides > 1.0, any('D', |d| d > 0.0) && any('N', |n| n > 1.0));
     if has_slides || per_row {
         return Some(format!(
-            "its sample lies between slides of index {slides}, which reflect and which no fit here takes off; invert it \
-             with `iad`"
+            "its sample lies between slides of index {slides}, which reflect, and no fit here takes that off; invert \
+             it with `iad`"
         ));
     }
     if any('c', |c| c != 1.0) || any('C', |c| c != 1.0) {
         return Some(
-            "its M_R and M_T leave out a part of the unscattered light (columns c, C), so they are no whole reflectance \
-             and transmittance; invert it with `iad`"
+            "its M_R and M_T leave out a part of the unscattered light (columns c, C), so they are no whole \
+             reflectance and transmittance; invert it with `iad`"
                 .into(),
         );
     }

@@ -74,7 +74,7 @@ impl Joined {
         for (w, step) in self.joins.iter().filter(|(_, step)| step.abs() >= 0.02) {
             let more = if *step > 0.0 { "more" } else { "less" };
             notes.push(format!(
-                "at {w:.1} nm the next detector reads {:.1} % {more} than the one before: the spectrum has a step there",
+                "at {w:.1} nm the next detector reads {:.1} % {more} than the one before: the spectrum has a step",
                 100.0 * step.abs()
             ));
         }

@@ -143,8 +143,9 @@ fn asd_text_says_what_it_holds() {
     let text = |compared: &str| {
         let rows: String = (350..=2500).map(|w| format!("{w}\t {} \n", leaf(f64::from(w)))).collect();
         format!(
-            "\nText conversion of header file C:\\transmittance\\x.asd\n ---\nNew ASD spectrum file: Program version = 6.04\nVNIR \
-             integration time : 34\n{compared}\nSpectrum file is raw data with embedded reference\n\nWavelength\tx.asd\n{rows}"
+            "\nText conversion of header file C:\\transmittance\\x.asd\n ---\nNew ASD spectrum file: Program version = \
+             6.04\nVNIR integration time : 34\n{compared}\nSpectrum file is raw data with embedded \
+             reference\n\nWavelength\tx.asd\n{rows}"
         )
     };
     let file = of(text("Data is compared to a white reference:"));
@@ -190,7 +191,8 @@ fn licor_texts() {
     let prn = |remark: &str| {
         let values: String = (175..=400).map(|k| format!(" {}  {:.3E}\r\n", 2 * k, leaf(f64::from(2 * k)))).collect();
         format!(
-            "\"FILE:A1\"\r\n\"REM: {remark}\"\r\n\"LIMS: 350- 800NM\"\r\n\"INT:  2NM\"\r\n\"DATE:05/30 13:50\"\r\n{values}"
+            "\"FILE:A1\"\r\n\"REM: {remark}\"\r\n\"LIMS: 350- 800NM\"\r\n\"INT:  2NM\"\r\n\"DATE:05/30 \
+             13:50\"\r\n{values}"
         )
     };
     let file = of(prn("REFL GREEN AD 1 "));

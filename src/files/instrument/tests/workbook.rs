@@ -40,7 +40,7 @@ fn part(cells: &[(usize, usize, Cell)], merged: &[&str]) -> String {
     }
     let merged: String = merged.iter().map(|m| format!("<mergeCell ref=\"{m}\"/>")).collect();
     format!(
-        "<?xml version=\"1.0\"?><worksheet xmlns=\"http://schemas.openxmlformats.org/spreadsheetml/2006/main\"><sheetData>\
+        "<worksheet xmlns=\"http://schemas.openxmlformats.org/spreadsheetml/2006/main\"><sheetData>\
          {data}</sheetData><mergeCells>{merged}</mergeCells></worksheet>"
     )
 }
