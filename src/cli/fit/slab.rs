@@ -122,6 +122,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     } else {
         Vec::new()
     };
+    let shares_are_there = !wide.is_empty() || table.column(&names[0]).is_some();
+    if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+        let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
+        return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
+    }
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
     let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
     let mut spec = Spec {
@@ -197,7 +202,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             answer
         };
         if wide.is_empty() {
-            let wavelength = if args.plots.is_some() { unit_nm * row.get(5) } else { f64::NAN };
+            let wavelength = if args.plots.is_some() { spectra::in_nm(row.get(5), unit_nm) } else { f64::NAN };
             out.push(fitted(wavelength, [0, 1, 3, 4].map(|k| row.get(k)), &names));
         }
         for (k, (wavelength, columns)) in wide.iter().enumerate() {

@@ -74,7 +74,11 @@ impl Table {
         let (head, whole, rest, encoding) = begin(source).map_err(|e| unreadable(&e))?;
         let dialect = Dialect::of(&head, whole);
         let utf_16 = (encoding != Encoding::Utf8).then(|| "as UTF-16".to_string());
-        let parts: Vec<String> = utf_16.into_iter().chain(dialect.words()).collect();
+        let form = dialect.words().map(|words| match words.starts_with("separated") && utf_16.is_none() {
+            true => format!("as {words}"),
+            false => words,
+        });
+        let parts: Vec<String> = utf_16.iter().cloned().chain(form).collect();
         let mut rows: Rows<Source> = Rows::new(Box::new(Cursor::new(head.clone()).chain(rest)), &dialect);
         let before = rows.skip(dialect.skipped).map_err(|e| unreadable(&e))?;
         let mut table = Table {
@@ -116,7 +120,10 @@ impl Table {
         }
         let line = record.line.max(1);
         let cell = |k: usize| match record.text(Some(k)) {
-            Some(Ok(text)) => Ok(text.trim_start_matches('\u{feff}').trim().to_string()),
+            // What was no text in UTF-16 is a replacement character.
+            Some(Ok(text)) if !text.contains(char::REPLACEMENT_CHARACTER) => {
+                Ok(text.trim_start_matches('\u{feff}').trim().to_string())
+            }
             _ => Err(Error::input(name, format!("line {line}: not valid UTF-8 text"))),
         };
         let mut header = (0..record.len()).map(cell).collect::<Result<Vec<String>>>()?;
@@ -307,7 +314,7 @@ impl Table {
             &self.name,
             format!(
                 "{answered} of its {there} lines below the header were answered, expected all; this is a fault of the \
-                 program, and nothing was written"
+                 program, and no file was written"
             ),
         ))
     }
