@@ -17,7 +17,7 @@ const FOREIGN: [(&[u8], &str, &str); 12] = [
     (b"\x89HDF\r\n\x1a\n", "an HDF5 file", "save its table as CSV"),
     (b"CDF\x01", "a NetCDF file", "save its table as CSV"),
     (b"CDF\x02", "a NetCDF file", "save its table as CSV"),
-    (b"#?", "a Radiance picture (.hdr)", "save it as EXR: `mesophyll fit sky --panorama` takes a linear EXR"),
+    (b"#?R", "a Radiance picture (.hdr)", "save it as EXR: `mesophyll fit sky --panorama` takes a linear EXR"),
 ];
 
 /// First bytes of pictures that belong to a capture.
@@ -27,7 +27,7 @@ const PICTURES: [(&[u8], &str); 6] = [
     (b"II*\0", "a TIFF picture"),
     (b"MM\0*", "a TIFF picture"),
     (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
-    (b"P6", "a PPM picture"),
+    (b"P6\n", "a PPM picture"),
 ];
 
 /// What the file is; `None` where it may be a table.
@@ -49,7 +49,7 @@ pub fn told(head: &[u8], path: &Path) -> Result<Option<Found>> {
     if head.starts_with(b"tensor_file") {
         return taken("an RGL material (.bsdf)", format!("mesophyll fit gloss --samples --in {file}"));
     }
-    if ending == "binary" && head.get(..12) == Some(&[90, 0, 0, 0, 90, 0, 0, 0, 180, 0, 0, 0]) {
+    if ending == "binary" && head.starts_with(&[90, 0, 0, 0, 90, 0, 0, 0, 180, 0, 0, 0]) {
         return taken("a MERL material (.binary)", format!("mesophyll fit gloss --samples --in {file}"));
     }
     if let Some((_, form, reason)) = FOREIGN.iter().find(|(magic, ..)| head.starts_with(magic)) {
@@ -90,8 +90,8 @@ pub fn told(head: &[u8], path: &Path) -> Result<Option<Found>> {
 
 /// A picture is part of a capture, or a panorama.
 fn picture(mut found: Found, path: &Path) -> Found {
-    let folders = path.ancestors().skip(1).take(4).map(|f| if f == Path::new("") { Path::new(".") } else { f });
-    let capture = folders.into_iter().find(|folder| folder.join("capture.toml").is_file());
+    let mut folders = path.ancestors().skip(1).take(4).map(|f| if f == Path::new("") { Path::new(".") } else { f });
+    let capture = folders.find(|folder| folder.join("capture.toml").is_file());
     found.holds.push("a picture".into());
     match capture {
         Some(folder) => {

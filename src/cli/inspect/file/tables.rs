@@ -90,7 +90,7 @@ fn spectra(mut table: Table, mut found: Found, path: &Path) -> Result<Found> {
     while table.next_record(&mut record)? {
         rows += 1;
         let number = |k: usize| table.number(&record, k).ok().flatten().filter(|v| v.is_finite());
-        if let Some(w) = across.and_then(|(k, unit)| Some(number(k)? * unit)) {
+        if let Some(w) = across.and_then(|(k, unit)| Some(spectra::in_nm(number(k)?, unit))) {
             wavelengths.insert(w.to_bits());
         }
         leaves.insert(leaf.map_or_else(String::new, |k| record.shown(k).into_owned()));
