@@ -112,6 +112,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
     let table = spectra::open(&args.io.input)?;
+    if let Some(stated) = table.stated() {
+        stated.check_index(table.name(), 1.0)?;
+    }
     let mut names = column_names(&args.columns, &table)?;
     spectra::find(&table, &INPUTS, &mut names)?;
     let wide = if table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
