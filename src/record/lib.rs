@@ -3,6 +3,7 @@
 
 #![warn(missing_docs)]
 
+mod consistency;
 mod kind;
 pub mod maker;
 pub mod scan;
@@ -237,19 +238,27 @@ impl FitRecord {
     /// Hashes `fit.toml` and every file named in `files` afresh and compares.
     ///
     /// # Errors
-    /// [`Error::Missed`] naming the first file that is not what the fit wrote.
+    /// [`Error::Missed`] naming the first file that is not what the fit wrote; [`Error::Input`] for one that cannot be
+    /// read.
     pub fn verify(&self, folder: &Path) -> Result<()> {
-        FitRecord::verify_numbers(folder)?;
-        for (name, expected) in &self.files {
+        self.changes(folder).into_iter().next().map_or(Ok(()), Err)
+    }
+
+    /// As [`FitRecord::verify`], with every file that is not what the fit wrote.
+    pub fn changes(&self, folder: &Path) -> Vec<Error> {
+        let changed = |(name, expected): (&String, &String)| {
             let path = folder.join(name);
-            if &hash::file(&path)? != expected {
-                return Err(Error::Missed(format!(
+            match hash::file(&path) {
+                Ok(found) if &found == expected => None,
+                Ok(_) => Some(Error::Missed(format!(
                     "{}: changed since it was fitted (its content hash is not the one in fit.toml)",
                     path.display()
-                )));
+                ))),
+                Err(e) => Some(e),
             }
-        }
-        Ok(())
+        };
+        let record = FitRecord::verify_numbers(folder).err();
+        record.into_iter().chain(self.files.iter().filter_map(changed)).collect()
     }
 
     /// Checks by its record hash that the numbers in `folder`'s `fit.toml` are the ones that were written.

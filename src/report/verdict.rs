@@ -80,8 +80,12 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency) {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
     }
-    if let Err(e) = record.verify(folder) {
-        say(Level::Bad, e.to_string());
+    match mesophyll_fit::consistency::of(folder) {
+        Ok(faults) => {
+            faults.all().for_each(|what| say(Level::Bad, what.clone()));
+            faults.notes.iter().for_each(|what| say(Level::Doubtful, what.clone()));
+        }
+        Err(e) => say(Level::Bad, e.to_string()),
     }
     for m in report.missing.iter().filter(|m| m.contains("no maps") || m.contains("not a readable")) {
         say(Level::Doubtful, m.clone());
