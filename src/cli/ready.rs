@@ -1,8 +1,8 @@
 //! Fits as others use them: what was fitted, unchanged. A scene together with every fit that it needs.
 
 use crate::Result;
-use mesophyll_fit::consistency;
 use mesophyll_files::progress;
+use mesophyll_fit::consistency;
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::fits::missing;
 use mesophyll_placed::ledger::Ledger;

@@ -1,8 +1,8 @@
 //! `mesophyll fit …`: one file a fit. The list is [`crate::models::MODELS`].
 
 use super::Common;
-use crate::{Error, Result};
 use crate::models::{Chosen, Model, Offers, Verb};
+use crate::{Error, Result};
 use mesophyll_files::progress::say;
 use mesophyll_record::FitRecord;
 use mesophyll_record::maker::Outcome;
@@ -69,7 +69,11 @@ fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitReco
     if let Some(record) = ended(outcome, out) {
         // A summary may print a warning, so it is always made.
         let text = summary(&record);
-        if common.json { crate::print_json(&*record)? } else { crate::print(&text)? }
+        if common.json {
+            crate::print_json(&*record)?
+        } else {
+            crate::print(&text)?
+        }
         return judged(out);
     }
     Ok(0)

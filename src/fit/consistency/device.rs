@@ -24,8 +24,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
 
 /// The map of reduced χ² against the residuals of `fit.toml`.
 fn chi2(seen: &Seen, out: &mut Vec<String>) {
-    let (Some(plane), Some(told)) =
-        (seen.maps.scalar(Quantity::ReducedChi2), seen.section.residuals.get("gloss"))
+    let (Some(plane), Some(told)) = (seen.maps.scalar(Quantity::ReducedChi2), seen.section.residuals.get("gloss"))
     else {
         return;
     };

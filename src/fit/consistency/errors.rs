@@ -69,11 +69,14 @@ impl<'a, 'b> Chain<'a, 'b> {
     fn look(&self, out: &mut Vec<String>) {
         let seen = self.seen;
         let texels: Vec<usize> = sample(&seen.good, TEXELS).collect();
-        let all = texels.par_iter().map(|&k| self.texel(k)).reduce(Vec::new, |a, b| match (a.is_empty(), b.is_empty()) {
-            (true, _) => b,
-            (_, true) => a,
-            _ => a.into_iter().zip(b).map(|(x, y)| x.and(y)).collect(),
-        });
+        let none = || vec![Off::default(); 10];
+        let some = |part: &[usize]| {
+            let mut off = none();
+            part.iter().for_each(|&k| self.texel(k, &mut off));
+            off
+        };
+        let both = |a: Vec<Off>, b: Vec<Off>| a.into_iter().zip(b).map(|(x, y)| x.and(y)).collect();
+        let all = texels.par_chunks(4096).map(some).reduce(none, both);
         let names = std::iter::once("thickness.Y".to_string())
             .chain([Quantity::Gamma, Quantity::SigmaA, Quantity::SigmaS].iter().flat_map(|q| q.channels()));
         for (off, name) in all.iter().zip(names) {
@@ -84,8 +87,7 @@ impl<'a, 'b> Chain<'a, 'b> {
     }
 
     /// Thickness, then γ, σa and σs a channel each.
-    fn texel(&self, k: usize) -> Vec<Off> {
-        let mut out = vec![Off::default(); 10];
+    fn texel(&self, k: usize, out: &mut [Off]) {
         let t = f64::from(self.thickness[k]);
         let leaf = [0, 1, 2].map(|c: usize| response_with_partials(self.sigma_a[c], self.sigma_s[c], t));
         let weight = [0, 1, 2].map(|c: usize| 1.0 / self.variance.at(c, k, leaf[c].0.rho_t));
@@ -106,11 +108,9 @@ impl<'a, 'b> Chain<'a, 'b> {
         for c in 0..3 {
             self.gamma(k, c, &at, &mut out[1 + c]);
             if matches!(self.seen.setup, Setup::Tube { .. }) {
-                let [a, s] = self.sigma(k, c, &at);
-                (out[4 + c], out[7 + c]) = (a, s);
+                self.sigma(k, c, &at, out);
             }
         }
-        out
     }
 
     /// γ = ρd/R(t): the error of ρd, and that of the thickness through the slope of ln R. A dark frame that was taken
@@ -133,20 +133,16 @@ impl<'a, 'b> Chain<'a, 'b> {
     }
 
     /// dσ = ∂σ/∂ρd dρd + ∂σ/∂ρt dρt − σ d ln t (`leaf::slabmaps`), with the same bound on what a dark frame does.
-    fn sigma(&self, k: usize, c: usize, at: &Texel) -> [Off; 2] {
+    fn sigma(&self, k: usize, c: usize, at: &Texel, out: &mut [Off]) {
         let t = f64::from(self.thickness[k]);
         let value = [0, 1].map(|q: usize| f64::from(self.sigma[q][c][k]));
         let (_, p) = response_with_partials(value[0], value[1], t);
         let det = p.sigma_a.rho_d * p.sigma_s.rho_t - p.sigma_s.rho_d * p.sigma_a.rho_t;
-        let by = [
-            [p.sigma_s.rho_t / det, -p.sigma_s.rho_d / det],
-            [-p.sigma_a.rho_t / det, p.sigma_a.rho_d / det],
-        ];
+        let by = [[p.sigma_s.rho_t / det, -p.sigma_s.rho_d / det], [-p.sigma_a.rho_t / det, p.sigma_a.rho_d / det]];
         let [d, e] = [self.of_rho_d[c][k], self.of_rho_t[c][k]].map(f64::from);
         let pull = at.weight[c] * t * at.leaf[c].1.thickness.rho_t * at.spread;
         let others = (at.spread - (pull * e).powi(2)).max(0.0);
-        [0, 1].map(|q: usize| {
-            let mut off = Off::default();
+        for q in 0..2 {
             let found = f64::from(self.of_sigma[q][c][k]);
             let own = by[q][0] * d;
             let through = (by[q][1] - value[q] * pull) * e;
@@ -157,10 +153,9 @@ impl<'a, 'b> Chain<'a, 'b> {
             let determined = found <= 0.05 * value[q] && most <= 0.05 * value[q];
             if (determined || found < 0.5 * least) && most.is_finite() && found.is_finite() && value[q] > 0.0 {
                 // The bound loses digits where both parts nearly cancel.
-                off.within(k, found, least * (1.0 - SAME) - 1e-3 * most, most * (1.0 + SAME));
+                out[4 + 3 * q + c].within(k, found, least * (1.0 - SAME) - 1e-3 * most, most * (1.0 + SAME));
             }
-            off
-        })
+        }
     }
 }
 

@@ -180,10 +180,10 @@ impl Leaf<'_, '_> {
                 }
                 off
             };
-            let found = texels.par_iter().map(off).reduce(
-                || [Off::default(), Off::default()],
-                |[a, b], [x, y]| [a.and(x), b.and(y)],
-            );
+            let found = texels
+                .par_iter()
+                .map(off)
+                .reduce(|| [Off::default(), Off::default()], |[a, b], [x, y]| [a.and(x), b.and(y)]);
             let letter = RGB[c];
             let slab = format!(
                 "the slab of fit.toml (sigma_a {}, sigma_s {} 1/mm) at thickness.Y",
@@ -243,7 +243,8 @@ impl Leaf<'_, '_> {
                 |[a, b, c], [x, y, z]| [a.and(x), b.and(y), c.and(z)],
             );
             let letter = RGB[c];
-            let of = |what: &str| format!("the {what} of the slab of sigma_a.{letter} and sigma_s.{letter} at thickness.Y");
+            let of =
+                |what: &str| format!("the {what} of the slab of sigma_a.{letter} and sigma_s.{letter} at thickness.Y");
             out.extend(seen.told(&by_d, &seen.path, &of("reflectance"), &format!("rho_d.{letter}")));
             out.extend(seen.told(&by_t, &seen.path, &of("transmittance"), &format!("rho_t.{letter}")));
             if without.count as f64 > WITHOUT_SLAB * texels.len() as f64 {

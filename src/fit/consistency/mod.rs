@@ -221,9 +221,9 @@ impl<'a> Seen<'a> {
     /// the mean texel, and its maps are not.
     fn as_told(&self, c: usize) -> bool {
         self.setup == Setup::Edited
-            || [Quantity::SigmaA, Quantity::SigmaS].iter().all(|q| {
-                self.param(*q).and_then(|p| p.stderr.get(c)).is_some_and(|e| e.is_finite())
-            })
+            || [Quantity::SigmaA, Quantity::SigmaS]
+                .iter()
+                .all(|q| self.param(*q).and_then(|p| p.stderr.get(c)).is_some_and(|e| e.is_finite()))
     }
 
     /// Whether the leaf-wide problem reached its goal. Where it did not, its gauges may be open; the verdict says so.
@@ -263,7 +263,8 @@ const CAUSE: &str = "one of them was changed after the fit";
 /// A number in a sentence, with as many digits as tell two of them apart.
 fn figure(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) || !value.is_finite() {
-        let digits = if value == 0.0 || !value.is_finite() { 0 } else { (4 - value.abs().log10().floor() as i32).max(0) };
+        let digits =
+            if value == 0.0 || !value.is_finite() { 0 } else { (4 - value.abs().log10().floor() as i32).max(0) };
         format!("{value:.*}", digits as usize)
     } else {
         format!("{value:.4e}")

@@ -10,7 +10,7 @@ use mesophyll_record::{FitRecord, Section};
 use std::path::Path;
 
 /// The leaf-wide problem is solved again on this many texels.
-const TEXELS: usize = 8_000;
+const TEXELS: usize = 4_000;
 /// Of more stand-ins than this share of the texels, the fit's errors are noticeably larger.
 const STAND_INS: f64 = 0.05;
 
@@ -37,7 +37,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
     let common = undetermined::common(&texels, 0.0);
     let solve = |common| {
         let incidence = Incidence(1.0);
-        wide::fit(&texels, &[], start, &Settings { h, incidence, relative, robust, iterations: 12, common })
+        wide::fit(&texels, &[], start, &Settings { h, incidence, relative, robust, iterations: 8, common })
     };
     // The noise of single texels averages out over all of them; what they have in common does not.
     let (with, alone) = (solve(common), solve(wide::Common::default()));
