@@ -143,9 +143,9 @@ fn below_zero(seen: &Seen, out: &mut Vec<String>) {
 /// A texel does not give back more light than it gets.
 fn energy(seen: &Seen, out: &mut Vec<String>) {
     use Quantity::{RhoD, RhoT};
-    // A dome's light falls on the other side from that whose albedo is in the map, so that the fit judges energy with
-    // the other side's.
-    if matches!(seen.setup, Setup::Dome | Setup::Photo) {
+    // Under a dome and in photographs light falls on the other side from that whose albedo is in the map, so that the
+    // fit judges energy with the other side's. In the window anything can be set.
+    if matches!(seen.setup, Setup::Dome | Setup::Photo | Setup::Edited) {
         return;
     }
     for c in 0..3 {

@@ -30,6 +30,8 @@ struct Chain<'a, 'b> {
     variance: Variance<'b>,
     sigma_a: [f64; 3],
     sigma_s: [f64; 3],
+    /// Relative error of the mean thickness.
+    caliper: f64,
     thickness: &'b [f32],
     gamma: [&'b [f32]; 3],
     sigma: [[&'b [f32]; 3]; 2],
@@ -55,6 +57,7 @@ impl<'a, 'b> Chain<'a, 'b> {
             variance: Variance::of(seen)?,
             sigma_a: seen.three(Quantity::SigmaA)?,
             sigma_s: seen.three(Quantity::SigmaS)?,
+            caliper: seen.param(Quantity::Thickness)?.stderr.first()? / seen.thickness()?,
             thickness: seen.maps.scalar(Quantity::Thickness)?,
             gamma: seen.maps.three(Quantity::Gamma)?,
             sigma: sigma(seen.maps)?,
@@ -97,7 +100,7 @@ impl<'a, 'b> Chain<'a, 'b> {
         let found = f64::from(self.of_thickness[k]);
         let caliper = match self.seen.setup {
             // The error of the stated thickness is part of that of each texel of photographs.
-            Setup::Photo => self.seen.param(Quantity::Thickness).map_or(0.0, |p| p.stderr[0] / p.value[0]),
+            Setup::Photo => self.caliper,
             _ => 0.0,
         };
         let expected = t * at.spread.sqrt().hypot(caliper);

@@ -86,7 +86,9 @@ impl Leaf<'_, '_> {
         };
         let (t, allowed) = (self.planes.thickness, bias * self.h + spread(self.planes.thickness));
         let mean = self.mean(|k| f64::from(t[k]));
-        if !((mean - self.h).abs() <= allowed) {
+        // An edit leaves a thousandth of the mean where it takes more than a texel has.
+        let cut = seen.setup == Setup::Edited && seen.good.iter().any(|&k| f64::from(t[k]) <= 1.001e-3 * self.h);
+        if !((mean - self.h).abs() <= allowed) && !cut {
             out.push(format!(
                 "{}: the mean of thickness.Y over the good texels is {} mm, but thickness in fit.toml is {} mm; {CAUSE}",
                 seen.path.display(),
