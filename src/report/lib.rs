@@ -35,7 +35,7 @@ mod values;
 mod verdict;
 mod view;
 
-pub use model::{Level, Report, Verdict};
+pub use model::{Level, Reason, Report, Verdict};
 use size::Detail;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,10 @@
 //! Standard errors of texels, against those that they follow from.
 
-use super::interior::Variance;
+use super::interior::{At, Slab, Variance};
 use super::{Off, Seen, Setup, TEXELS, sample};
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::{Quantity, RGB};
-use mesophyll_optics::slab::{Partials, Response, response_with_partials};
+use mesophyll_optics::slab::response_with_partials;
 use rayon::prelude::*;
 
 /// Relative difference of a standard error from what it follows from: single precision and the slab's curve, through
@@ -28,8 +28,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
 struct Chain<'a, 'b> {
     seen: &'b Seen<'a>,
     variance: Variance<'b>,
-    sigma_a: [f64; 3],
-    sigma_s: [f64; 3],
+    slabs: [Slab; 3],
     /// Relative error of the mean thickness.
     caliper: f64,
     thickness: &'b [f32],
@@ -44,7 +43,7 @@ struct Chain<'a, 'b> {
 
 /// One texel's slabs: the leaf's at its thickness, and the relative variance of the thickness that ρt leaves.
 struct Texel {
-    leaf: [(Response, Partials); 3],
+    leaf: [At; 3],
     weight: [f64; 3],
     spread: f64,
 }
@@ -52,12 +51,12 @@ struct Texel {
 impl<'a, 'b> Chain<'a, 'b> {
     fn of(seen: &'b Seen<'a>, errors: &'b Maps) -> Option<Chain<'a, 'b>> {
         let sigma = |maps: &'b Maps| Some([maps.three(Quantity::SigmaA)?, maps.three(Quantity::SigmaS)?]);
+        let (a, s, h) = (seen.three(Quantity::SigmaA)?, seen.three(Quantity::SigmaS)?, seen.thickness()?);
         Some(Chain {
             seen,
             variance: Variance::of(seen)?,
-            sigma_a: seen.three(Quantity::SigmaA)?,
-            sigma_s: seen.three(Quantity::SigmaS)?,
-            caliper: seen.param(Quantity::Thickness)?.stderr.first()? / seen.thickness()?,
+            slabs: [0, 1, 2].map(|c: usize| Slab::new(a[c], s[c], h)),
+            caliper: seen.param(Quantity::Thickness)?.stderr.first()? / h,
             thickness: seen.maps.scalar(Quantity::Thickness)?,
             gamma: seen.maps.three(Quantity::Gamma)?,
             sigma: sigma(seen.maps)?,
@@ -92,10 +91,10 @@ impl<'a, 'b> Chain<'a, 'b> {
     /// Thickness, then γ, σa and σs a channel each.
     fn texel(&self, k: usize, out: &mut [Off]) {
         let t = f64::from(self.thickness[k]);
-        let leaf = [0, 1, 2].map(|c: usize| response_with_partials(self.sigma_a[c], self.sigma_s[c], t));
-        let weight = [0, 1, 2].map(|c: usize| 1.0 / self.variance.at(c, k, leaf[c].0.rho_t));
+        let leaf = [0, 1, 2].map(|c: usize| self.slabs[c].at(t));
+        let weight = [0, 1, 2].map(|c: usize| 1.0 / self.variance.at(c, k, leaf[c].rho_t));
         // Three transmittances of one thickness: the inverse variances of ln t add up.
-        let information: f64 = (0..3).map(|c| weight[c] * (t * leaf[c].1.thickness.rho_t).powi(2)).sum();
+        let information: f64 = (0..3).map(|c| weight[c] * (leaf[c].rho_t * leaf[c].slope_t).powi(2)).sum();
         let at = Texel { leaf, weight, spread: 1.0 / information };
         let found = f64::from(self.of_thickness[k]);
         let caliper = match self.seen.setup {
@@ -119,10 +118,9 @@ impl<'a, 'b> Chain<'a, 'b> {
     /// γ = ρd/R(t): the error of ρd, and that of the thickness through the slope of ln R. A dark frame that was taken
     /// off both ρd and ρt makes the two depend on each other by as much as their product at most.
     fn gamma(&self, k: usize, c: usize, at: &Texel, off: &mut Off) {
-        let (r, by) = at.leaf[c];
-        let t = f64::from(self.thickness[k]);
+        let r = at.leaf[c];
         let own = f64::from(self.of_rho_d[c][k]) / r.rho_d;
-        let by_thickness = (f64::from(self.gamma[c][k]) * t * by.thickness.rho_d / r.rho_d).abs() * at.spread.sqrt();
+        let by_thickness = (f64::from(self.gamma[c][k]) * r.slope_d).abs() * at.spread.sqrt();
         let most = (own + by_thickness) * (1.0 + SAME);
         let least = match self.seen.setup {
             // What photographs share is part of the error of ρd and not of γ, whose mean is 1.
@@ -143,7 +141,7 @@ impl<'a, 'b> Chain<'a, 'b> {
         let det = p.sigma_a.rho_d * p.sigma_s.rho_t - p.sigma_s.rho_d * p.sigma_a.rho_t;
         let by = [[p.sigma_s.rho_t / det, -p.sigma_s.rho_d / det], [-p.sigma_a.rho_t / det, p.sigma_a.rho_d / det]];
         let [d, e] = [self.of_rho_d[c][k], self.of_rho_t[c][k]].map(f64::from);
-        let pull = at.weight[c] * t * at.leaf[c].1.thickness.rho_t * at.spread;
+        let pull = at.weight[c] * at.leaf[c].rho_t * at.leaf[c].slope_t * at.spread;
         let others = (at.spread - (pull * e).powi(2)).max(0.0);
         for q in 0..2 {
             let found = f64::from(self.of_sigma[q][c][k]);

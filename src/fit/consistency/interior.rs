@@ -1,6 +1,7 @@
 //! The interior: gauges, the leaf's slab, the slab of each texel, and what the leaf's slab leaves of ρt.
 
 use super::{CAUSE, CLOSE, Off, Seen, Setup, TEXELS, figure, sample};
+use crate::leaf::curve::{Curve, Incidence};
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::slab;
 use rayon::prelude::*;
@@ -12,7 +13,8 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
         return;
     };
     let Some(planes) = Planes::of(seen) else { return };
-    let leaf = Leaf { seen, planes, sigma_a, sigma_s, h };
+    let slabs = [0, 1, 2].map(|c: usize| Slab::new(sigma_a[c], sigma_s[c], h));
+    let leaf = Leaf { seen, planes, sigma_a, sigma_s, slabs, h };
     match seen.setup {
         Setup::Dome => leaf.dome(out),
         Setup::Tube { .. } | Setup::Photo | Setup::Edited if seen.settled() => leaf.gauges(out),
@@ -46,8 +48,48 @@ struct Leaf<'a, 'b> {
     planes: Planes<'a>,
     sigma_a: [f64; 3],
     sigma_s: [f64; 3],
+    slabs: [Slab; 3],
     /// Mean thickness (mm).
     h: f64,
+}
+
+/// The slab of the leaf in one channel, at any thickness: by its curve, which answers 50 times faster than the slab
+/// itself, where the curve reaches.
+pub(super) struct Slab {
+    curve: Curve,
+    range: [f64; 2],
+    sigma: [f64; 2],
+}
+
+/// ρd and ρt at a thickness, and d ln ρ/d ln t of both.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct At {
+    pub rho_d: f64,
+    pub rho_t: f64,
+    pub slope_d: f64,
+    pub slope_t: f64,
+}
+
+impl Slab {
+    pub(super) fn new(sigma_a: f64, sigma_s: f64, h: f64) -> Slab {
+        let curve = Curve::new(sigma_a, sigma_s, h, Incidence(1.0));
+        Slab { range: curve.range(), curve, sigma: [sigma_a, sigma_s] }
+    }
+
+    pub(super) fn at(&self, t: f64) -> At {
+        if t >= self.range[0] && t <= self.range[1] {
+            let p = self.curve.at(t.ln());
+            return At { rho_d: p.ln_rho_d.exp(), rho_t: p.ln_rho_t.exp(), slope_d: p.d_rho_d, slope_t: p.d_rho_t };
+        }
+        let (r, by) = slab::response_with_partials(self.sigma[0], self.sigma[1], t);
+        let slope = |of: f64, by: f64| t * by / of;
+        At {
+            rho_d: r.rho_d,
+            rho_t: r.rho_t,
+            slope_d: slope(r.rho_d, by.thickness.rho_d),
+            slope_t: slope(r.rho_t, by.thickness.rho_t),
+        }
+    }
 }
 
 /// Groups of texels of similar thickness in the slab of a dome's leaf (`fit::dome::slab`).
@@ -128,7 +170,7 @@ impl Leaf<'_, '_> {
         let mut sorted = seen.good.clone();
         sorted.sort_by(|&a, &b| t[a].total_cmp(&t[b]));
         for c in (0..3).filter(|&c| seen.as_told(c) && self.settled(c)) {
-            let response = |t: f64| slab::response(self.sigma_a[c], self.sigma_s[c], t);
+            let response = |t: f64| self.slabs[c].at(t);
             let mut sums = [0.0; 2];
             for group in sorted.chunks(sorted.len().div_ceil(GROUPS).max(1)) {
                 let n = group.len() as f64;
@@ -170,9 +212,8 @@ impl Leaf<'_, '_> {
             return;
         }
         for c in (0..3).filter(|&c| seen.as_told(c)) {
-            let texels: Vec<usize> = sample(&seen.good, TEXELS).collect();
             let off = |k: &usize| {
-                let r = slab::response(self.sigma_a[c], self.sigma_s[c], f64::from(self.planes.thickness[*k]));
+                let r = self.slabs[c].at(f64::from(self.planes.thickness[*k]));
                 let expected = f64::from(self.planes.gamma[c][*k]) * r.rho_d;
                 let expected = if seen.setup == Setup::Dome { expected.max(0.0) } else { expected };
                 let mut off = [Off::default(), Off::default()];
@@ -182,7 +223,8 @@ impl Leaf<'_, '_> {
                 }
                 off
             };
-            let found = texels
+            let found = seen
+                .good
                 .par_iter()
                 .map(off)
                 .reduce(|| [Off::default(), Off::default()], |[a, b], [x, y]| [a.and(x), b.and(y)]);
@@ -265,7 +307,7 @@ impl Leaf<'_, '_> {
         let seen = self.seen;
         let Some(told) = seen.section.residuals.get("transmittance") else { return };
         let Some(variance) = Variance::of(seen) else { return };
-        if seen.good.len() > TEXELS || !(0..3).all(|c| seen.as_told(c)) {
+        if !(0..3).all(|c| seen.as_told(c)) {
             return;
         }
         // Σ (ρt − T)²/variance, Σ (ρt − T)², and what rounding may add to each texel of both.
@@ -275,8 +317,7 @@ impl Leaf<'_, '_> {
             .par_iter()
             .map(|&k| {
                 (0..3).fold(zero, |mut sum, c| {
-                    let model =
-                        slab::response(self.sigma_a[c], self.sigma_s[c], f64::from(self.planes.thickness[k])).rho_t;
+                    let model = self.slabs[c].at(f64::from(self.planes.thickness[k])).rho_t;
                     let off = f64::from(self.planes.rho_t[c][k]) - model;
                     let depth = (self.sigma_a[c] + self.sigma_s[c]) * f64::from(self.planes.thickness[k]);
                     let rounding = 2e-7 * (1.0 + depth) * model;
@@ -336,7 +377,7 @@ impl<'a> Variance<'a> {
     pub(super) fn of(seen: &'a Seen) -> Option<Variance<'a>> {
         let (measured, weighed) = match seen.setup {
             Setup::Tube { straight: true } => {
-                let relative = seen.section.light_box.as_ref()?.noise_relative;
+                let relative = seen.relative_noise()?;
                 ([relative; 3], relative)
             }
             Setup::Photo => {

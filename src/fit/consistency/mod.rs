@@ -217,6 +217,12 @@ impl<'a> Seen<'a> {
         self.param(Quantity::Thickness)?.value.first().copied().filter(|h| *h > 0.0)
     }
 
+    /// The noise of a transmittance of a scan, relative to it: that of a photograph of the leaf and one of the empty box.
+    fn relative_noise(&self) -> Option<f64> {
+        let of_a_frame = self.record.options.get("noise_lightbox")?.split_whitespace().next()?.parse::<f64>().ok()?;
+        Some(self.record.scan.as_ref()?.noise_relative * of_a_frame * std::f64::consts::SQRT_2)
+    }
+
     /// Whether the maps of this channel were computed with the σ of `fit.toml`. An undetermined channel's σ is that of
     /// the mean texel, and its maps are not.
     fn as_told(&self, c: usize) -> bool {
@@ -312,8 +318,8 @@ impl Off {
     }
 }
 
-/// At most this many texels are held against the slab; of larger leaves every second (third, …) texel is.
-const TEXELS: usize = 500_000;
+/// The slab of each texel is solved for at most this many of them; of larger leaves every second (third, …) texel.
+const TEXELS: usize = 60_000;
 
 /// The texels of a list that are looked at: all, or evenly spread ones where there are more than `most`.
 fn sample(of: &[usize], most: usize) -> impl Iterator<Item = usize> + '_ {

@@ -25,11 +25,9 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
     if one_pass || seen.figure("stand_ins").unwrap_or(0.0) > STAND_INS * seen.good.len() as f64 {
         return;
     }
-    let (Some(told), Some(relative), Some(h)) = (
-        seen.three(Quantity::SigmaA).zip(seen.three(Quantity::SigmaS)),
-        seen.section.light_box.as_ref().map(|l| l.noise_relative),
-        seen.thickness(),
-    ) else {
+    let (Some(told), Some(relative), Some(h)) =
+        (seen.three(Quantity::SigmaA).zip(seen.three(Quantity::SigmaS)), seen.relative_noise(), seen.thickness())
+    else {
         return;
     };
     let Some(texels) = texels(seen, relative) else { return };
