@@ -19,6 +19,13 @@ pub fn fit(folder: &Path) -> Result<()> {
     if folder.join("fit.toml").is_file() { consistency::of(folder)?.require() } else { Ok(()) }
 }
 
+/// As [`fit`] for a reader that refuses a changed or damaged fit itself: only says what else is wrong.
+pub fn warn(folder: &Path) {
+    if let Ok(faults) = consistency::of(folder) {
+        faults.warn();
+    }
+}
+
 /// Reads what a scene needs. Fits that are missing are made first and kept below `out`; Ctrl-C stops between them.
 ///
 /// # Errors

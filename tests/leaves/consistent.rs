@@ -172,9 +172,13 @@ fn a_fit_that_is_not_good_ends_with_exit_code_1_and_is_written() {
     assert_eq!(fits("right"), (Some(0), String::new()));
     let place = capture.join("capture.toml");
     let text = std::fs::read_to_string(&place).unwrap();
-    let stated = text.lines().find(|line| line.starts_with("noise_relative = ")).unwrap();
-    let noise: f64 = stated.split_once("= ").unwrap().1.parse().unwrap();
-    std::fs::write(&place, text.replace(stated, &format!("noise_relative = {}", 0.1 * noise))).unwrap();
+    let tenth = |line: &str| match line.split_once("= ") {
+        Some((name, noise)) if name.starts_with("noise_") => {
+            format!("{name}= {}\n", 0.1 * noise.parse::<f64>().unwrap())
+        }
+        _ => format!("{line}\n"),
+    };
+    std::fs::write(&place, text.lines().map(tenth).collect::<String>()).unwrap();
     let (code, text) = fits("wrong");
     assert!(code == Some(1) && text.contains("is not good") && text.contains("reduced χ²"), "{code:?}: {text}");
     // A workflow that asks again gets the same answer.

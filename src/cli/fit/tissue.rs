@@ -91,7 +91,7 @@ fn options(args: &Args) -> Result<Options> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let options = options(args)?;
-    crate::ready::fit(&args.blade)?;
+    crate::ready::warn(&args.blade);
     let outcome = fit(&args.input, &args.blade, &args.output, &options)?;
     super::told(outcome, &args.output, common, summary)
 }

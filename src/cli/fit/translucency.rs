@@ -185,7 +185,7 @@ fn leaf(args: &Args) -> Result<PathBuf> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (options, leaf) = (options(args)?, leaf(args)?);
-    crate::ready::fit(&leaf)?;
+    crate::ready::warn(&leaf);
     let outcome = fit(&leaf, &args.output, &options)?;
     super::told(outcome, &args.output, common, |record| {
         if let Some(why) = record.options.get("doubt") {

@@ -68,8 +68,13 @@ impl Faults {
         if let Some(changed) = self.changed.first() {
             return Err(Error::Missed(changed.clone()));
         }
-        self.contradictions.iter().chain(&self.notes).for_each(|what| progress::say(format_args!("warning: {what}")));
+        self.warn();
         Ok(())
+    }
+
+    /// Says contradictions and notes as warnings.
+    pub fn warn(&self) {
+        self.contradictions.iter().chain(&self.notes).for_each(|what| progress::say(format_args!("warning: {what}")));
     }
 }
 
