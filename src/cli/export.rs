@@ -192,7 +192,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
     if !scene {
-        super::ready::fit(&args.folder)?;
+        super::ready::warn(&args.folder);
     }
     let done: Exported = place::file(&args.output, |path| match times {
         _ if format == Format::Web => web(args, scene, path),

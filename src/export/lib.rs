@@ -238,12 +238,13 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         );
         return Err(Error::Usage(what));
     }
-    record.verify(folder)?;
     if format == Format::Json {
+        record.verify(folder)?;
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()].into());
     }
     let sides = SideMaps::all(&record, folder)?;
+    record.verify(folder)?;
     let alone = || vec![path.to_path_buf()];
     Ok(match format {
         Format::Json | Format::Pivots | Format::Web | Format::Wgsl | Format::C => Vec::new().into(),

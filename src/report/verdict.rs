@@ -83,7 +83,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     match mesophyll_fit::consistency::of(folder) {
         Ok(faults) => {
             faults.all().for_each(|what| say(Level::Bad, what.clone()));
-            faults.notes.iter().for_each(|what| say(Level::Doubtful, what.clone()));
+            faults.notes.iter().chain(&faults.unseen).for_each(|what| say(Level::Doubtful, what.clone()));
         }
         Err(e) => say(Level::Bad, e.to_string()),
     }

@@ -98,12 +98,12 @@ fn a_photographed_leaf_is_found_within_its_errors() {
     let off = fit.texel_mm().unwrap() / pixel - 1.0;
     assert!(off.abs() < 3.0 * scale_err, "{off} {scale_err}");
     let report = run(["report", text(&out), "-o", text(&dir.path().join("fit.html"))]);
-    succeeded(&report);
+    assert!(matches!(report.status.code(), Some(0 | 1)), "{report:?}");
     succeeded(&run(["export", text(&out), "--to", "gltf", "-o", text(&dir.path().join("fit.glb"))]));
     // The same command again finds its own fit and writes nothing.
     let written = || std::fs::metadata(out.join("front.exr")).unwrap().modified().unwrap();
     let before = written();
-    succeeded(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
+    fitted(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
     assert_eq!(before, written());
     refused(&run(["fit", "leaf", text(folder), "-o", text(&out), "--gloss", "1.4,0.3"]), 2, &["[gloss]"]);
 }
@@ -289,7 +289,7 @@ fn an_ensemble_of_leaves() {
                     toml(&folder, "turned = \"table_turned.exr\"\n", "");
                 }
                 let out = dir.path().join(format!("{name}-{seed}-{one}"));
-                succeeded(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
+                fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
                 let fit = LeafFit::open(&out).unwrap();
                 for (s, side) in [Side::Front, Side::Back].into_iter().enumerate() {
                     let section = fit.section(side).unwrap();

@@ -52,6 +52,8 @@ pub struct Faults {
     pub contradictions: Vec<String>,
     /// What is unusual and no fault: another program or version made the fit.
     pub notes: Vec<String>,
+    /// What could not be looked at, and why.
+    pub unseen: Vec<String>,
 }
 
 impl Faults {
@@ -198,7 +200,7 @@ impl<'a> Seen<'a> {
             let what = "fit.toml does not say how the leaf was measured (options.method or options.capture_kind), so \
                         its maps cannot be held against each other";
             let said = format!("{}: {what}", self.path.display());
-            out.notes.push(said);
+            out.unseen.push(said);
             return;
         }
         bounds::light(self, &mut out.contradictions);

@@ -31,6 +31,7 @@ impl Scene {
             out.changed.extend(found.changed);
             out.contradictions.extend(found.contradictions);
             out.notes.extend(found.notes);
+            out.unseen.extend(found.unseen);
         }
         Ok(out)
     }
