@@ -2,9 +2,9 @@
 //! leans, and the mask is the blade's outline.
 //!
 //! What numbers of a fit say of each other is looked at wherever a fit is read ([`mesophyll_fit::consistency`]). Of a
-//! folder whose record does not say how the leaf was measured, three things are looked at here: the mean thickness is h,
-//! ρd is γ times the reflectance of the leaf's slab at the texel's thickness, and ρt is that slab's transmittance, in
-//! the median.
+//! folder whose record does not say how the leaf was measured, three things are looked at here: the mean thickness is
+//! h, ρd is γ times the reflectance of the leaf's slab at the texel's thickness, and ρt is that slab's transmittance,
+//! in the median.
 
 use mesophyll_error::Result;
 use mesophyll_files::image::Maps;

@@ -10,8 +10,8 @@ use mesophyll_placed::{Placed, leaf::Search};
 use mesophyll_scene::loaded::Scene;
 use std::path::Path;
 
-/// Looks at the fit in `folder` before it is used: one that was changed since it was fitted is refused, and numbers that
-/// contradict each other are said. A folder without a fit is left to the one who reads it.
+/// Looks at the fit in `folder` before it is used: one that was changed since it was fitted is refused, and numbers
+/// that contradict each other are said. A folder without a fit is left to the one who reads it.
 ///
 /// # Errors
 /// [`crate::Error::Missed`] for a changed fit, [`crate::Error::Input`] for a damaged one.

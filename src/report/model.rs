@@ -48,6 +48,9 @@ pub struct Verdict {
     pub level: Level,
     /// The verdict as a sentence, with the reasons that decide it.
     pub sentence: String,
+    /// Whether the fit missed its mark by what was measured. A truth that a synthetic capture holds is left out: it
+    /// says how good the method is, which no measured capture can.
+    pub missed: bool,
     /// Every reason, the worst first.
     pub reasons: Vec<Reason>,
 }

@@ -137,7 +137,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         program: record.program.clone(),
         input_hash: record.input_hash.clone(),
         termination: record.termination.map(|t| t.name().to_string()),
-        verdict: Verdict { level: Level::Doubtful, sentence: String::new(), reasons: Vec::new() },
+        verdict: Verdict { level: Level::Doubtful, sentence: String::new(), missed: false, reasons: Vec::new() },
         options: record.options.clone(),
         parameters: ordered(&record).flat_map(|(n, s)| parameters(n, s)).collect(),
         sections: ordered(&record).map(|(n, s)| section(n, s)).collect(),

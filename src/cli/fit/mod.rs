@@ -79,16 +79,18 @@ fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitReco
     Ok(0)
 }
 
-/// Judges the fit that `out` now holds, by the rules of `mesophyll report`. It stays written whatever they say.
+/// Judges the fit that `out` now holds, by the rules of `mesophyll report` on what was measured. It stays written
+/// whatever they say.
 ///
 /// # Errors
 /// [`Error::Missed`] with the verdict, for a fit that is not good: exit code 1.
 fn judged(out: &Path) -> Result<u8> {
     let verdict = report::verdict(out)?;
-    match verdict.level {
-        Level::Bad => return Err(Error::Missed(format!("{}: {}", out.display(), verdict.sentence))),
-        Level::Doubtful => say(verdict.sentence),
-        Level::Good => {}
+    if verdict.missed {
+        return Err(Error::Missed(format!("{}: {}", out.display(), verdict.sentence)));
+    }
+    if verdict.level != Level::Good {
+        say(verdict.sentence);
     }
     Ok(0)
 }

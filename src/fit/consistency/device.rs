@@ -49,8 +49,8 @@ fn chi2(seen: &Seen, out: &mut Vec<String>) {
     let scatter = (list().map(|(_, v)| (v - mean).powi(2)).sum::<f64>() / count as f64).sqrt();
     if !((mean - told.reduced_chi2).abs() <= UNEVEN * scatter + CLOSE * mean) {
         out.push(format!(
-            "{}: the mean of reduced_chi2.Y over the good texels is {}, but residuals.gloss.reduced_chi2 in fit.toml is \
-             {}; {CAUSE}",
+            "{}: the mean of reduced_chi2.Y over the good texels is {}, but residuals.gloss.reduced_chi2 in fit.toml \
+             is {}; {CAUSE}",
             seen.path.display(),
             figure(mean),
             figure(told.reduced_chi2)
@@ -133,8 +133,8 @@ fn afresh(seen: &Seen, out: &mut Vec<String>) {
         // show; it never makes them smaller.
         if ratio < 1.0 / FACTOR {
             out.push(format!(
-                "{}: the errors of {} are {} times those that the tube, the frames' positions and the noise in fit.toml \
-                 give, in the median over {SAMPLE} texels; {CAUSE}",
+                "{}: the errors of {} are {} times those that the tube, the frames' positions and the noise in \
+                 fit.toml give, in the median over {SAMPLE} texels; {CAUSE}",
                 seen.errors_path.display(),
                 quantity.name(),
                 figure(ratio)

@@ -105,9 +105,9 @@ impl Leaf<'_, '_> {
     /// The means of thickness and γ over the good texels are h and 1, but for two things that the maps bound.
     ///
     /// The fit takes the second-order bias of each texel's thickness out of its sums. With v the relative variance of
-    /// the thickness and Δ the optical thickness, the bias is at most v(1 + Δ)/2, and that of γ, whose logarithmic slope
-    /// by thickness is at most 1, at most v(2 + Δ)/2. And a texel that could not be measured is stood in for by the
-    /// mean of a few good ones, which lies between the smallest and the largest of them.
+    /// the thickness and Δ the optical thickness, the bias is at most v(1 + Δ)/2, and that of γ, whose logarithmic
+    /// slope by thickness is at most 1, at most v(2 + Δ)/2. And a texel that could not be measured is stood in for by
+    /// the mean of a few good ones, which lies between the smallest and the largest of them.
     fn gauges(&self, out: &mut Vec<String>) {
         let seen = self.seen;
         let error = seen.errors.as_ref().and_then(|e| e.scalar(Quantity::Thickness));
@@ -132,7 +132,8 @@ impl Leaf<'_, '_> {
         let cut = seen.setup == Setup::Edited && seen.good.iter().any(|&k| f64::from(t[k]) <= 1.001e-3 * self.h);
         if !((mean - self.h).abs() <= allowed) && !cut {
             out.push(format!(
-                "{}: the mean of thickness.Y over the good texels is {} mm, but thickness in fit.toml is {} mm; {CAUSE}",
+                "{}: the mean of thickness.Y over the good texels is {} mm, but thickness in fit.toml is {} mm; \
+                 {CAUSE}",
                 seen.path.display(),
                 figure(mean),
                 figure(self.h)
@@ -161,7 +162,8 @@ impl Leaf<'_, '_> {
         let mean = self.mean(|k| f64::from(t[k]));
         if !((mean / self.h - 1.0).abs() <= CLOSE) {
             out.push(format!(
-                "{}: the mean of thickness.Y over the good texels is {} mm, but thickness in fit.toml is {} mm; {CAUSE}",
+                "{}: the mean of thickness.Y over the good texels is {} mm, but thickness in fit.toml is {} mm; \
+                 {CAUSE}",
                 seen.path.display(),
                 figure(mean),
                 figure(self.h)
@@ -338,8 +340,8 @@ impl Leaf<'_, '_> {
         let texels = "the slab of fit.toml at thickness.Y leaves of rho_t";
         if apart(sums[0], told.chi2, sums[2], 0.05) {
             out.push(format!(
-                "{}: {texels}, in units of the errors in {}, is a χ² of {}, but residuals.transmittance.chi2 in fit.toml \
-                 is {}; the errors of rho_t, a map or fit.toml were changed after the fit",
+                "{}: {texels}, in units of the errors in {}, is a χ² of {}, but residuals.transmittance.chi2 in \
+                 fit.toml is {}; the errors of rho_t, a map or fit.toml were changed after the fit",
                 seen.path.display(),
                 seen.errors_path.display(),
                 figure(sums[0]),

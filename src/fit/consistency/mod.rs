@@ -11,8 +11,8 @@
 //!   are another description of the same texel: their slab gives ρd and ρt.
 //! - What that slab leaves of ρt, in units of the errors of ρt, is the χ² of `fit.toml`, and its root mean square the
 //!   rms there.
-//! - The errors of thickness, γ, σa and σs follow from those of ρd and ρt. Those of ρd, ρs, m and the normal follow from
-//!   the device's geometry and noise. The errors of the leaf's σa and σs follow from those of all texels.
+//! - The errors of thickness, γ, σa and σs follow from those of ρd and ρt. Those of ρd, ρs, m and the normal follow
+//!   from the device's geometry and noise. The errors of the leaf's σa and σs follow from those of all texels.
 //! - The reduced χ² of the texels have the mean and the largest value of `fit.toml`.
 //!
 //! **How much may differ.** Maps hold single precision, so numbers that one formula joins agree to a few units of
@@ -224,7 +224,8 @@ impl<'a> Seen<'a> {
         self.param(Quantity::Thickness)?.value.first().copied().filter(|h| *h > 0.0)
     }
 
-    /// The noise of a transmittance of a scan, relative to it: that of a photograph of the leaf and one of the empty box.
+    /// The noise of a transmittance of a scan, relative to it: that of a photograph of the leaf and one of the empty
+    /// box.
     fn relative_noise(&self) -> Option<f64> {
         let of_a_frame = self.record.options.get("noise_lightbox")?.split_whitespace().next()?.parse::<f64>().ok()?;
         Some(self.record.scan.as_ref()?.noise_relative * of_a_frame * std::f64::consts::SQRT_2)

@@ -49,7 +49,8 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
     sums.map(|list| list.iter().map(|sum| 1.0 + sum / count.max(1) as f64).collect())
 }
 
-/// Standard errors that a texel's readings leave it: of ρd and ρs a channel each and of m, and of its normal's components.
+/// Standard errors that a texel's readings leave it: of ρd and ρs a channel each and of m, and of its normal's
+/// components.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
     /// ρd (R, G, B), ρs (R, G, B), m; 0 for what no reading depends on.
