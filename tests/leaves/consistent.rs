@@ -15,8 +15,9 @@ fn folder() -> (tempfile::TempDir, PathBuf, PathBuf) {
     let (fit, scene) = (dir.path().join("elm"), dir.path().join("s.toml"));
     copy_tree(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fits/elm"), &fit);
     let text = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nfit = \"elm\"\n[[instance]]\nleaf = \"elm\"\n\
-                [sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[[view]]\nname = \"down\"\nkind = \"perspective\"\neye_mm = \
-                [3, 4, 150]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 40\n[check]\nwidth = 16\nheight = 12\n";
+                [sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[[view]]\nname = \"down\"\nkind = \"perspective\"\n\
+                eye_mm = [3, 4, 150]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 40\n[check]\nwidth = 16\n\
+                height = 12\n";
     std::fs::write(&scene, text).unwrap();
     (dir, fit, scene)
 }

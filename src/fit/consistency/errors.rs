@@ -1,6 +1,6 @@
 //! Standard errors of texels, against those that they follow from.
 
-use super::interior::{At, Slab, Variance};
+use super::slab::{At, Slab, Variance};
 use super::{Off, Seen, Setup, TEXELS, sample};
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::{Quantity, RGB};

@@ -27,6 +27,7 @@ mod device;
 mod errors;
 mod interior;
 mod shared;
+mod slab;
 
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr};
