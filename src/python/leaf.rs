@@ -86,7 +86,7 @@ pub fn verify(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<String>> {
     run(py, || {
         let faults = consistency::of(&folder)?;
         match faults.changed.into_iter().next() {
-            Some(changed) => Err(Error::Missed(changed)),
+            Some(changed) => Err(Error::Missed(changed.said)),
             None => Ok(faults.contradictions.into_iter().chain(faults.notes).collect()),
         }
     })

@@ -20,6 +20,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
+/// The file of a record in a fit's folder.
+pub const RECORD: &str = "fit.toml";
 /// Version of this file format.
 pub const SCHEMA: u32 = 1;
 
@@ -241,23 +243,24 @@ impl FitRecord {
     /// [`Error::Missed`] naming the first file that is not what the fit wrote; [`Error::Input`] for one that cannot be
     /// read.
     pub fn verify(&self, folder: &Path) -> Result<()> {
-        self.changes(folder).into_iter().next().map_or(Ok(()), Err)
+        self.changes(folder).into_iter().next().map_or(Ok(()), |(_, error)| Err(error))
     }
 
-    /// As [`FitRecord::verify`], with every file that is not what the fit wrote.
-    pub fn changes(&self, folder: &Path) -> Vec<Error> {
+    /// As [`FitRecord::verify`], with the name of every file that is not what the fit wrote.
+    pub fn changes(&self, folder: &Path) -> Vec<(String, Error)> {
         let changed = |(name, expected): (&String, &String)| {
             let path = folder.join(name);
-            match hash::file(&path) {
-                Ok(found) if &found == expected => None,
-                Ok(_) => Some(Error::Missed(format!(
+            let error = match hash::file(&path) {
+                Ok(found) if &found == expected => return None,
+                Ok(_) => Error::Missed(format!(
                     "{}: changed since it was fitted (its content hash is not the one in fit.toml)",
                     path.display()
-                ))),
-                Err(e) => Some(e),
-            }
+                )),
+                Err(e) => e,
+            };
+            Some((name.clone(), error))
         };
-        let record = FitRecord::verify_numbers(folder).err();
+        let record = FitRecord::verify_numbers(folder).err().map(|error| (RECORD.to_string(), error));
         record.into_iter().chain(self.files.iter().filter_map(changed)).collect()
     }
 

@@ -35,7 +35,7 @@ use mesophyll_files::progress;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, LeafFit};
 use mesophyll_optics::side::Side;
-use mesophyll_record::{FitKind, FitRecord, Param, Section};
+use mesophyll_record::{FitKind, FitRecord, Param, RECORD, Section};
 use std::path::{Path, PathBuf};
 
 /// Relative difference of two numbers of maps that one formula joins.
@@ -44,11 +44,20 @@ const CLOSE: f64 = 1e-4;
 /// sheet, a dark frame and lost readings change the noise of a texel by less.
 const FACTOR: f64 = 2.0;
 
+/// A file that is not what the fit wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Changed {
+    /// Its path.
+    pub path: PathBuf,
+    /// The sentence for the user.
+    pub said: String,
+}
+
 /// What a fit folder says against itself: sentences that name the file, the field, both numbers and the likely cause.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Faults {
     /// Files that are not what the fit wrote, by their hashes.
-    pub changed: Vec<String>,
+    pub changed: Vec<Changed>,
     /// Numbers that contradict each other.
     pub contradictions: Vec<String>,
     /// What is unusual and no fault: another program or version made the fit.
@@ -60,7 +69,7 @@ pub struct Faults {
 impl Faults {
     /// What must not be in a fit: changed files and contradictions.
     pub fn all(&self) -> impl Iterator<Item = &String> {
-        self.changed.iter().chain(&self.contradictions)
+        self.changed.iter().map(|changed| &changed.said).chain(&self.contradictions)
     }
 
     /// For those that use a fit without judging it: a changed file is refused, everything else is said.
@@ -69,7 +78,7 @@ impl Faults {
     /// [`Error::Missed`] with the first changed file.
     pub fn require(&self) -> Result<()> {
         if let Some(changed) = self.changed.first() {
-            return Err(Error::Missed(changed.clone()));
+            return Err(Error::Missed(changed.said.clone()));
         }
         self.warn();
         Ok(())
@@ -81,33 +90,38 @@ impl Faults {
     }
 }
 
-/// Reads the fit in `folder`, of whatever kind, and looks for faults. Where a file is not what the fit wrote, its
-/// numbers are not looked at.
+/// Reads the fit in `folder`, of whatever kind, and looks for faults. Numbers in a file that is not what the fit wrote
+/// are not looked at.
 ///
 /// # Errors
 /// [`Error::Input`] for a folder without a record that can be read, and for a map that is damaged.
 pub fn of(folder: &Path) -> Result<Faults> {
     let record = FitRecord::read(folder)?;
     let mut out = Faults {
-        changed: record.changes(folder).iter().map(ToString::to_string).collect(),
+        changed: (record.changes(folder).into_iter())
+            .map(|(name, error)| Changed { path: folder.join(name), said: error.to_string() })
+            .collect(),
         notes: record.made_elsewhere().map(|said| format!("{}: {said}", folder.display())).into_iter().collect(),
         ..Faults::default()
     };
-    if !out.changed.is_empty() {
+    let place = folder.join(RECORD);
+    let whole = |path: &Path| out.changed.iter().all(|changed| changed.path != path);
+    if !whole(&place) {
         return Ok(out);
     }
-    let place = folder.join("fit.toml");
-    out.contradictions.extend(record.contradictions().iter().map(|what| format!("{}: {what}", place.display())));
+    let mut found = Faults::default();
+    found.contradictions.extend(record.contradictions().iter().map(|what| format!("{}: {what}", place.display())));
     if record.kind == FitKind::Leaf {
         let leaf = LeafFit::open(folder)?;
         for side in leaf.sides() {
             // A folder that lacks a map is not contradictory; who needs the map says that it is missing.
-            if let Some(seen) = Seen::read(&leaf, side)? {
-                seen.judge(&mut out);
+            if let Some(seen) = Seen::read(&leaf, side, whole)? {
+                seen.judge(&mut found);
             }
         }
-        shared::sides(&leaf.record, &place, &mut out.contradictions);
+        shared::sides(&leaf.record, &place, &mut found.contradictions);
     }
+    (out.contradictions, out.unseen) = (found.contradictions, found.unseen);
     Ok(out)
 }
 
@@ -164,16 +178,17 @@ struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// `None` where the folder has no maps of the side, or maps without a mask.
-    fn read(leaf: &'a LeafFit, side: Side) -> Result<Option<Seen<'a>>> {
+    /// `None` where the folder has no maps of the side, or maps without a mask, or other maps than the fit wrote.
+    fn read(leaf: &'a LeafFit, side: Side, whole: impl Fn(&Path) -> bool) -> Result<Option<Seen<'a>>> {
         let path = leaf.path(File::Maps, side);
-        if !path.is_file() {
+        let there = |path: &Path| path.is_file() && whole(path);
+        if !there(&path) {
             return Ok(None);
         }
         let maps = leaf.maps(side)?;
         let Some(mask) = maps.scalar(Quantity::Mask) else { return Ok(None) };
         let errors_path = leaf.path(File::Errors, side);
-        let errors = errors_path.is_file().then(|| read_exr(&errors_path)).transpose()?;
+        let errors = there(&errors_path).then(|| read_exr(&errors_path)).transpose()?;
         if let Some(errors) = &errors {
             errors.require_size(&errors_path, maps.width, maps.height)?;
         }

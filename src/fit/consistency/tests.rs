@@ -95,7 +95,7 @@ fn a_map_changed_and_hashed_anew_is_named_with_its_channel() {
             let copy = Copy::of(fit);
             copy.map(file, !words.contains("rho_s"), change);
             let found = copy.faults();
-            assert!(found.changed.is_empty(), "{found:?}");
+            assert_eq!(found.changed, [], "{found:?}");
             let said = |s: &String| s.contains(named) && s.contains(words);
             assert!(found.contradictions.iter().any(said), "{fit}, {file}, {words}: {found:#?}");
         }
