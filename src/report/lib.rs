@@ -100,7 +100,7 @@ pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
 /// # Errors
 /// As [`rows`].
 pub fn verdict(folder: &Path) -> Result<Verdict> {
-    Ok(rows(&[ReportSource::folder(folder)])?.fits.remove(0).verdict)
+    read::verdict(folder)
 }
 
 /// The rows of a report.
