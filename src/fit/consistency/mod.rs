@@ -207,6 +207,14 @@ impl<'a> Seen<'a> {
 
     fn judge(&self, out: &mut Faults) {
         let before = out.contradictions.len();
+        let known = |q: Quantity| self.param(q).is_some_and(|p| p.stderr.iter().any(|e| e.is_finite()));
+        if self.setup == Setup::Edited && (known(Quantity::SigmaA) || known(Quantity::SigmaS)) {
+            out.contradictions.push(format!(
+                "{}: options.edited_from says that the leaf was changed by hand, which leaves no standard error, but \
+                 sigma_a or sigma_s has one; fit.toml was changed after the fit",
+                self.path.with_file_name(RECORD).display()
+            ));
+        }
         bounds::look(self, &mut out.contradictions);
         // Values that are no numbers would contradict everything else.
         if out.contradictions.len() > before {

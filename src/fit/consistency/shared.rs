@@ -6,7 +6,7 @@ use crate::leaf::sides::{APART, APART_IN_ERRORS, SECTION};
 use crate::leaf::undetermined;
 use crate::leaf::wide::{self, Settings, Texel};
 use mesophyll_files::quantity::{Quantity, RGB};
-use mesophyll_record::{FitRecord, Section};
+use mesophyll_record::{FitRecord, RECORD, Section};
 use std::path::Path;
 
 /// The leaf-wide problem is solved again on this many texels.
@@ -55,7 +55,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
                 out.push(format!(
                     "{}: the standard error of {}.{letter} is {} 1/mm in fit.toml, but the errors of the texels' rho_d \
                      and rho_t give {}; {CAUSE}",
-                    seen.path.with_file_name("fit.toml").display(),
+                    seen.path.with_file_name(RECORD).display(),
                     quantity.name(),
                     figure(found),
                     figure(expected)

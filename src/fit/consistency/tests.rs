@@ -108,7 +108,8 @@ fn a_number_changed_and_hashed_anew_is_named_with_its_field() {
         record.sections.get_mut(side).unwrap().params.get_mut(name).unwrap()
     }
     type Change = fn(&mut FitRecord);
-    let cases: [(&str, Change); 10] = [
+    let cases: [(&str, Change); 11] = [
+        ("edited_from", |r| drop(r.options.insert("edited_from".into(), "elm".into()))),
         ("sigma_a.R", |r| param(r, "front", "sigma_a").value[0] *= 1.5),
         ("sigma_s.G", |r| param(r, "back", "sigma_s").value[1] *= 0.9),
         ("thickness", |r| param(r, "front", "thickness").value[0] *= 1.1),
