@@ -3,6 +3,7 @@
 
 #![warn(missing_docs)]
 
+mod consistency;
 mod kind;
 pub mod maker;
 pub mod scan;
@@ -19,6 +20,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
+/// The file of a record in a fit's folder.
+pub const RECORD: &str = "fit.toml";
 /// Version of this file format.
 pub const SCHEMA: u32 = 1;
 
@@ -237,19 +240,28 @@ impl FitRecord {
     /// Hashes `fit.toml` and every file named in `files` afresh and compares.
     ///
     /// # Errors
-    /// [`Error::Missed`] naming the first file that is not what the fit wrote.
+    /// [`Error::Missed`] naming the first file that is not what the fit wrote; [`Error::Input`] for one that cannot be
+    /// read.
     pub fn verify(&self, folder: &Path) -> Result<()> {
-        FitRecord::verify_numbers(folder)?;
-        for (name, expected) in &self.files {
+        self.changes(folder).into_iter().next().map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// As [`FitRecord::verify`], with the name of every file that is not what the fit wrote.
+    pub fn changes(&self, folder: &Path) -> Vec<(String, Error)> {
+        let changed = |(name, expected): (&String, &String)| {
             let path = folder.join(name);
-            if &hash::file(&path)? != expected {
-                return Err(Error::Missed(format!(
+            let error = match hash::file(&path) {
+                Ok(found) if &found == expected => return None,
+                Ok(_) => Error::Missed(format!(
                     "{}: changed since it was fitted (its content hash is not the one in fit.toml)",
                     path.display()
-                )));
-            }
-        }
-        Ok(())
+                )),
+                Err(e) => e,
+            };
+            Some((name.clone(), error))
+        };
+        let record = FitRecord::verify_numbers(folder).err().map(|error| (RECORD.to_string(), error));
+        record.into_iter().chain(self.files.iter().filter_map(changed)).collect()
     }
 
     /// Checks by its record hash that the numbers in `folder`'s `fit.toml` are the ones that were written.

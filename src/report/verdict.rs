@@ -6,7 +6,9 @@ use crate::quantity::{parameter, symbol};
 use crate::view::MANY;
 use crate::{captures, held_out, residuals};
 use mesophyll_fit_translucency::judge::NAMES;
+use mesophyll_optics::defect::Defect;
 use mesophyll_record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -31,7 +33,12 @@ const CONDITION: f64 = 1e8;
 /// Judges a fit by its record and by what was read from its folder.
 pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict {
     let mut reasons = Vec::new();
-    let mut say = |level: Level, text: String| reasons.push(Reason { level, text });
+    // Whether a reason rests on a truth that only a synthetic capture holds, and whether any other is bad.
+    let (by_truth, missed) = (Cell::new(false), Cell::new(false));
+    let mut say = |level: Level, text: String| {
+        missed.set(missed.get() || (level == Level::Bad && !by_truth.get()));
+        reasons.push(Reason { level, text });
+    };
     match record.termination {
         Some(t) if t.converged() => say(Level::Good, format!("the fit converged ({})", t.name().replace('_', " "))),
         Some(t) => say(Level::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),
@@ -59,7 +66,9 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
                 _ => say(level, format!("{side}{} of {} runs did not converge", count(stopped), count(all))),
             }
         }
+        by_truth.set(true);
         truth(&side, s, &mut say);
+        by_truth.set(false);
         directions(&side, s, &mut say);
         if let Some(c) = s.condition.filter(|c| c.is_nan() || *c > CONDITION) {
             say(Level::Doubtful, format!("{side}the shared problem is badly conditioned ({})", plain(c)));
@@ -80,13 +89,17 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency) {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
     }
-    if let Err(e) = record.verify(folder) {
-        say(Level::Bad, e.to_string());
+    match mesophyll_fit::consistency::of(folder) {
+        Ok(faults) => {
+            faults.all().for_each(|what| say(Level::Bad, what.clone()));
+            faults.notes.iter().chain(&faults.unseen).for_each(|what| say(Level::Doubtful, what.clone()));
+        }
+        Err(e) => say(Level::Bad, e.to_string()),
     }
     for m in report.missing.iter().filter(|m| m.contains("no maps") || m.contains("not a readable")) {
         say(Level::Doubtful, m.clone());
     }
-    finish(&report.name, reasons)
+    Verdict { missed: missed.get(), ..finish(&report.name, reasons) }
 }
 
 /// Worst errors of approximated functions: their name, what is good, what is bad, and what they are relative to.
@@ -150,17 +163,21 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
     let named: Vec<(&String, usize)> =
         s.counts.iter().filter(|(n, _)| defects.values().any(|d| d == *n)).map(|(n, c)| (n, *c)).collect();
     let outside = s.counts.get("outside").copied().unwrap_or(0);
+    // Texels on the outline show leaf and background at once; they are left out of photographs by design.
+    let edge = named.iter().find(|(name, _)| name.as_str() == Defect::Edge.name()).map_or(0, |(_, n)| *n);
     let inside = s
         .counts
         .get("texels")
-        .map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside));
+        .map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside))
+        .saturating_sub(edge);
     if inside == 0 {
         say(Level::Bad, format!("{side}no texel lies on the leaf"));
         return;
     }
     let share = good as f64 / inside as f64;
     let mut fact = format!("{side}{} of {} texels are good", percent(share), count(inside));
-    if let Some((name, n)) = named.iter().filter(|d| d.1 > 0).max_by_key(|d| d.1) {
+    let rest = named.iter().filter(|d| d.1 > 0 && d.0.as_str() != Defect::Edge.name());
+    if let Some((name, n)) = rest.max_by_key(|d| d.1) {
         fact.push_str(&format!(" (most of the rest: {}, {})", name.replace('_', " "), count(*n)));
     }
     let level = match share {
@@ -339,7 +356,7 @@ pub(crate) fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
         (Level::Doubtful, _) => "Something needs a look before the numbers are relied on.".into(),
         (Level::Bad, _) => "Something missed its mark.".into(),
     };
-    Verdict { level, sentence, reasons }
+    Verdict { level, sentence, missed: level == Level::Bad, reasons }
 }
 
 /// The worst level, and a sentence with up to three reasons of that level.
@@ -361,5 +378,5 @@ fn finish(name: &str, mut reasons: Vec<Reason>) -> Verdict {
         sentence.push_str(&format!("; and {more} more"));
     }
     sentence.push('.');
-    Verdict { level, sentence, reasons }
+    Verdict { level, sentence, missed: level == Level::Bad, reasons }
 }

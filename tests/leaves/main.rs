@@ -5,6 +5,7 @@
 mod bad_scans;
 #[path = "../common/mod.rs"]
 mod common;
+mod consistent;
 mod dome;
 mod dome_input;
 mod fits;
