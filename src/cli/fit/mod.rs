@@ -13,6 +13,7 @@ pub mod foliar;
 pub mod gloss;
 pub mod grass;
 pub mod leaf;
+mod leaf_limits;
 pub mod motion;
 pub mod sky;
 pub mod slab;

@@ -1,0 +1,43 @@
+//! What no leaf has: thicknesses and coefficients beyond these limits are never called ok.
+
+use mesophyll_files::table::Status;
+use mesophyll_files::unit::Unit;
+use mesophyll_fit::slab;
+
+/// Range of a leaf's thickness (mm), with a margin at both ends. The same thicknesses in µm are numbers above this
+/// range, and in m numbers below it. So a column that names no unit shows by its numbers whether it can be in mm.
+pub const LEAVES_MM: [f64; 2] = [0.01, 10.0];
+
+/// Coefficients above this (1/mm) belong to no tissue.
+const TISSUE: f64 = 1e3;
+
+/// Why no leaf has this thickness or these coefficients, if so.
+pub fn no_leaf(column: &str, thickness: f64, unit: Option<Unit>, values: &[f64]) -> Option<String> {
+    let unit = unit.unwrap_or(Unit::Millimetre);
+    let leaf = |t: f64, unit: Unit| (LEAVES_MM[0]..=LEAVES_MM[1]).contains(&(t * unit.mm()));
+    if !leaf(thickness, unit) {
+        let [low, high] = LEAVES_MM.map(|mm| mm / unit.mm());
+        let others = [Unit::Micrometre, Unit::Millimetre, Unit::Metre].into_iter().filter(|u| leaf(thickness, *u));
+        let others: Vec<&'static str> = others.map(Into::into).collect();
+        let hint = if others.is_empty() { String::new() } else { format!("; is it in {}?", others.join(" or ")) };
+        let name: &'static str = unit.into();
+        return Some(format!(
+            "{column} is {thickness}; leaves have {low} to {high} {name}{hint} --any-thickness if it is right"
+        ));
+    }
+    let above = values.iter().take(2).position(|v| *v > TISSUE && v.is_finite())?;
+    Some(format!(
+        "{} is above {TISSUE}/mm, more than any tissue has; are thickness, rho_d and rho_t in their units? \
+         --any-thickness if they are",
+        slab::OUTPUTS[above]
+    ))
+}
+
+/// The status of numbers that no leaf has: never ok.
+pub fn doubted(status: Status, why: &str) -> Status {
+    match status {
+        Status::Ok => Status::Undetermined(format!("sigma_a; sigma_s ({why})")),
+        Status::Undetermined(what) => Status::Undetermined(format!("{what} ({why})")),
+        refused => refused,
+    }
+}
