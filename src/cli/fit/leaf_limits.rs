@@ -41,3 +41,19 @@ pub fn doubted(status: Status, why: &str) -> Status {
         refused => refused,
     }
 }
+
+/// Why a thickness without a unit is not taken for mm, and how to make it readable.
+pub fn not_in_mm(column: &str, thickness: f64) -> String {
+    let [low, high] = LEAVES_MM;
+    let hint = if (1e3 * low..=1e3 * high).contains(&thickness) {
+        "; in um such numbers are usual: add --thickness-unit um"
+    } else if (1e-3 * low..=1e-3 * high).contains(&thickness) {
+        "; in m such numbers are usual: add --thickness-unit m"
+    } else {
+        "; add --thickness-unit"
+    };
+    format!(
+        "{column} is {thickness} and names no unit; in mm this is outside the usual range of leaves, {low} to \
+         {high}{hint} (or mm if the number is right)"
+    )
+}

@@ -1,7 +1,7 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
 use super::foliar::{Column, column};
-use super::leaf_limits::{LEAVES_MM, doubted, no_leaf};
+use super::leaf_limits::{LEAVES_MM, doubted, no_leaf, not_in_mm};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
@@ -325,22 +325,6 @@ fn say_assumptions(args: &Args) {
         )
     };
     progress::say(format!("{faces}; scattering is taken as isotropic: sigma_s is the reduced one, σs(1−g)"));
-}
-
-/// Why a thickness without a unit is not taken for mm, and how to make it readable.
-fn not_in_mm(column: &str, thickness: f64) -> String {
-    let [low, high] = LEAVES_MM;
-    let hint = if (1e3 * low..=1e3 * high).contains(&thickness) {
-        "; in um such numbers are usual: add --thickness-unit um"
-    } else if (1e-3 * low..=1e-3 * high).contains(&thickness) {
-        "; in m such numbers are usual: add --thickness-unit m"
-    } else {
-        "; add --thickness-unit"
-    };
-    format!(
-        "{column} is {thickness} and names no unit; in mm this is outside the usual range of leaves, {low} to \
-         {high}{hint} (or mm if the number is right)"
-    )
 }
 
 /// The unit that is asked for, or that the column's name ends in; `None` where neither states one (a column `h` is in
