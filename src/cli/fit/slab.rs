@@ -1,14 +1,14 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
-use super::foliar::{Column, column};
-use super::leaf_limits::{LEAVES_MM, doubted, no_leaf, not_in_mm};
+use super::spectra::{self, LEAF, Shares};
+use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::progress;
-use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Table, counted};
 use mesophyll_files::unit::Unit;
+use mesophyll_files::{atomic, progress};
 use mesophyll_fit::slab::{self, Known, Measured, Options, Specular};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
 use mesophyll_optics::slab::inverse::{Coefficient, Model, Precision};
@@ -55,6 +55,9 @@ pub struct Args {
     /// some 0.03 to 0.05 where the instrument kept the mirror reflection
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
+    /// Reflectances and transmittances, and their errors, are in per cent; --noise stays a share of 1
+    #[arg(long)]
+    percent: bool,
     /// Refractive index of the slab, 1 to 3: its faces reflect light from outside and from inside, beyond the critical
     /// angle all of it, as inverse adding-doubling reckons it (1: the index of the surroundings, nothing is reflected)
     #[arg(long, value_name = "N", default_value_t = 1.0)]
@@ -76,8 +79,6 @@ pub struct Args {
 /// Units of thicknesses.
 const UNITS: [&str; 3] = ["um", "mm", "m"];
 
-/// Names of the column with the leaf's name; the first one that exists is used.
-const LEAF: [&str; 2] = ["leaf", "leaf_id"];
 const WAVELENGTH: &str = "wavelength_nm";
 
 /// One picture for each leaf, in order of first appearance. The rows may be in any order; each has its number, leaf,
@@ -156,14 +157,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if args.index == 1.0 && args.specular == Specular::Excluded {
         return Err(Error::Usage("--specular excluded needs --index: at index 1 the faces reflect nothing".into()));
     }
-    let table = Table::open(&args.io.input)?;
-    let names = column_names(&args.columns, &table)?;
+    let table = spectra::open(&args.io.input)?;
+    let mut names = column_names(&args.columns, &table)?;
+    spectra::find(&table, &INPUTS, &mut names)?;
     let wide = if table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
-        wavelengths(&table)
+        wavelengths(&table)?
     } else {
         Vec::new()
     };
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
+    let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
     let mut spec = Spec {
         texts: vec![leaf.into()],
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
@@ -193,7 +196,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             .map(|&k| &names[k])
             .chain(&names[3..])
             .cloned()
-            .chain(args.plots.iter().map(|_| WAVELENGTH.into()))
+            .chain(args.plots.iter().map(|_| wavelength.clone()))
             .collect();
         for (name, column) in INPUTS.iter().zip(&names).skip(3) {
             if name != column {
@@ -204,26 +207,31 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         spec.required = vec![names[2].clone()];
         spec.optional = wide.iter().flat_map(|(_, columns)| columns.clone()).collect();
         spec.dropped = spec.optional.clone();
+        spec.readings = spec.optional.clone();
         spec.outputs.insert(0, WAVELENGTH.into());
         spec.whole.push(WAVELENGTH.into());
     }
-    if args.plots.is_some() {
+    let of_wide = |range: std::ops::Range<usize>| wide.iter().flat_map(move |(_, c)| c[range.clone()].to_vec());
+    let readings: Vec<String> = names[..2].iter().cloned().chain(of_wide(0..2)).collect();
+    let errors = names[3..5].iter().cloned().chain(of_wide(2..4));
+    spec.physical = vec![
+        Physical::shares(readings.clone()),
+        Physical::not_negative(errors.chain([names[2].clone(), wavelength.clone()]).collect()),
+    ];
+    let shares = Shares::of(&table, &readings, args.percent)?;
+    if let Some(folder) = &args.plots {
         table.require(leaf)?;
         if wide.is_empty() {
-            table.require(WAVELENGTH)?;
+            table.require(&wavelength)?;
         }
+        atomic::probe_folder(folder)?;
     }
     let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
     let scale = unit.unwrap_or(Unit::Millimetre).mm();
-    let reflecting = (args.index != 1.0).then(|| Model::of_index(args.index));
-    let model = reflecting.as_ref().unwrap_or(Model::matched());
-    let options =
-        Options { precision: args.method, noise: args.noise, surface: args.surface, model, specular: args.specular };
     // A column `h` is a plain number in mm, of any slab; a column that names its unit is a leaf's.
     let leaf_like = !args.any_thickness && !(column == "h" && args.thickness_unit.is_none());
-    say_assumptions(args);
     // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
     let some_have_errors = if wide.is_empty() {
         names[3..5].iter().any(|name| table.column(name).is_some())
@@ -231,7 +239,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         wide.iter().any(|(_, columns)| columns[2..].iter().any(|name| table.column(name).is_some()))
     };
     let without_errors = AtomicUsize::new(0);
-    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
+    say_assumptions(args);
+    let reflecting = (args.index != 1.0).then(|| Model::of_index(args.index));
+    let model = reflecting.as_ref().unwrap_or(Model::matched());
+    let options =
+        Options { precision: args.method, noise: args.noise, surface: args.surface, model, specular: args.specular };
+    let tally = batch.run(|row, out| {
         // Where the columns of INPUTS are among the row's.
         let place = |k: usize| if some_known && k < 3 { [1, 2, 0][k] } else { k };
         let thickness = row.get(if wide.is_empty() { place(2) } else { 0 });
@@ -239,7 +253,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             out.push(Answer::refused(not_in_mm(&column, thickness)));
             return;
         }
-        let fitted = |wavelength: f64, [rho_d, rho_t, rho_d_err, rho_t_err]: [f64; 4], known: Option<Known>| {
+        let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String], known: Option<Known>| {
+            if let Some(why) = shares.refuse_each(columns.iter().map(String::as_str).zip(cells).take(2)) {
+                return Answer::refused(why);
+            }
+            let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);
             let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err, known };
             let mut answer = slab::answer(&options, &m);
             if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
@@ -256,7 +274,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             answer
         };
         if wide.is_empty() {
-            let wavelength = if args.plots.is_some() { row.get(INPUTS.len()) } else { f64::NAN };
+            let wavelength =
+                if args.plots.is_some() { spectra::in_nm(row.get(INPUTS.len()), unit_nm) } else { f64::NAN };
             let of = |coefficient: Coefficient, k: usize| Known { coefficient, sigma: row.get(k), err: row.get(k + 2) };
             let given = [of(Coefficient::Absorption, 5), of(Coefficient::Scattering, 6)];
             out.push(match given.map(|g| !g.sigma.is_nan()) {
@@ -269,16 +288,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
                             "{} is empty; one of rho_d and rho_t is enough only beside a known sigma",
                             names[empty]
                         )),
-                        None => fitted(wavelength, cells, known),
+                        None => fitted(wavelength, cells, &names, known),
                     }
                 }
             });
         }
         for (k, (wavelength, columns)) in wide.iter().enumerate() {
             let cells: [f64; 4] = std::array::from_fn(|c| row.get(1 + 4 * k + c));
-            let Answer { mut values, status } = match cells[..2].iter().position(|v| v.is_nan()) {
-                Some(empty) => Answer::refused(format!("{} is empty", columns[empty])),
-                None => fitted(*wavelength, cells, None),
+            let bad = row.faults().find(|(place, _)| (1 + 4 * k..5 + 4 * k).contains(place));
+            let Answer { mut values, status } = match (bad, cells[..2].iter().position(|v| v.is_nan())) {
+                (Some((_, why)), _) => Answer::refused(why),
+                (None, Some(empty)) => Answer::refused(format!("{} is empty", columns[empty])),
+                (None, None) => fitted(*wavelength, cells, columns, None),
             };
             // A row without numbers still says which leaf and wavelength it belongs to.
             values.resize(slab::OUTPUTS.len(), f64::NAN);
@@ -327,40 +348,30 @@ fn say_assumptions(args: &Args) {
     progress::say(format!("{faces}; scattering is taken as isotropic: sigma_s is the reduced one, σs(1−g)"));
 }
 
-/// The unit that is asked for, or that the column's name ends in; `None` where neither states one (a column `h` is in
-/// mm). A name that states another unit than the one asked for, or an unknown one, is an error: micrometres read as
-/// millimetres would look like an answer.
-fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
-    let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
-    let named = suffix.parse::<Unit>().ok();
-    // Nobody measures leaves in these: such a name is more likely a mistake than a unit.
-    if ["cm", "dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
-        return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
-    }
-    match (named, asked) {
-        (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
-            "--thickness-unit contradicts the unit in the name of the thickness column, {column:?}"
-        ))),
-        (None, None) if column == "h" => Ok(Some(Unit::Millimetre)),
-        (named, asked) => Ok(asked.or(named)),
-    }
-}
-
 /// The wavelengths of a table in wide form, ascending: those with a reflectance (`R550`) and a transmittance (`T550`),
 /// with the columns of both and of their errors.
-fn wavelengths(table: &Table) -> Vec<(f64, [String; 4])> {
-    let columns: Vec<Column> = table.header.iter().filter_map(|name| column(name)).filter(|c| !c.abaxial).collect();
-    let mut found: Vec<(f64, [String; 4])> = columns
+fn wavelengths(table: &Table) -> Result<Vec<(f64, [String; 4])>> {
+    let found = spectra::wide(table);
+    let columns: Vec<_> = found.readings.iter().filter(|c| !c.is_abaxial()).collect();
+    let mut pairs: Vec<(f64, [String; 4])> = columns
         .iter()
         .filter(|r| !r.through)
         .filter_map(|r| {
             let t = columns.iter().find(|t| t.through && t.wavelength == r.wavelength)?;
-            let error = |name: &str| format!("{name}_err");
-            Some((r.wavelength, [r.name.clone(), t.name.clone(), error(&r.name), error(&t.name)]))
+            Some((r.wavelength, [r.name.clone(), t.name.clone(), r.error.clone(), t.error.clone()]))
         })
         .collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let one = columns.first().filter(|_| pairs.is_empty()).map(|c| if c.through { "T" } else { "R" });
+    if let Some(one) = one {
+        let what =
+            format!("its columns hold {one} alone; expected R and T at the same wavelengths, such as R450 and T450");
+        return Err(Error::input(table.name(), what));
+    }
+    if pairs.is_empty() && spectra::has_others(&found) {
+        return Err(spectra::nothing(table, &found, "fit slab takes columns R450, T450 and so on, or R and T"));
+    }
+    Ok(pairs)
 }
 
 /// The input's column for each of [`INPUTS`].

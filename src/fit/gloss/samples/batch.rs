@@ -36,7 +36,7 @@ pub fn run(table: Table, output: &Output, values: &[String], lobe: Lobe) -> Resu
         outputs: outputs(&values),
         ..Spec::default()
     };
-    Groups::read(table, &spec, "leaf")?.run(output, &spec, |_, rows| {
+    Groups::read(table, &spec, "leaf")?.run(output, &spec, |_, rows, _| {
         let samples: std::result::Result<Vec<Sample>, String> = rows
             .iter()
             .map(|row| sample(&row.values, &values).map_err(|why| format!("line {}: {why}", row.line)))

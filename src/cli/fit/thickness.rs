@@ -1,5 +1,6 @@
-//! What no leaf has: thicknesses and coefficients beyond these limits are never called ok.
+//! The thickness of a leaf in a table: its unit, and limits. What no leaf has is never called ok.
 
+use crate::{Error, Result};
 use mesophyll_files::table::Status;
 use mesophyll_files::unit::Unit;
 use mesophyll_fit::slab;
@@ -56,4 +57,23 @@ pub fn not_in_mm(column: &str, thickness: f64) -> String {
         "{column} is {thickness} and names no unit; in mm this is outside the usual range of leaves, {low} to \
          {high}{hint} (or mm if the number is right)"
     )
+}
+
+/// The unit that is asked for, or that the column's name ends in; `None` where neither states one (a column `h` is in
+/// mm). A name that states another unit than the one asked for, or an unknown one, is an error: micrometres read as
+/// millimetres would look like an answer.
+pub fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
+    let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
+    let named = suffix.parse::<Unit>().ok();
+    // Nobody measures leaves in these: such a name is more likely a mistake than a unit.
+    if ["cm", "dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
+        return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
+    }
+    match (named, asked) {
+        (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
+            "--thickness-unit contradicts the unit in the name of the thickness column, {column:?}"
+        ))),
+        (None, None) if column == "h" => Ok(Some(Unit::Millimetre)),
+        (named, asked) => Ok(asked.or(named)),
+    }
 }
