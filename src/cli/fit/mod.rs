@@ -16,6 +16,7 @@ pub mod leaf;
 pub mod motion;
 pub mod sky;
 pub mod slab;
+mod slab_pictures;
 mod spectra;
 mod thickness;
 pub mod tissue;

@@ -1,19 +1,19 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
+use super::slab_pictures;
 use super::spectra::{self, LEAF, Shares};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Table, counted};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Status, Table, counted};
 use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, progress};
 use mesophyll_fit::slab::{self, Known, Measured, Options, Specular};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
-use mesophyll_optics::slab::inverse::{Coefficient, Model, Precision};
-use mesophyll_report::spectrum::{self, Line, Panel};
-use std::collections::HashMap;
+use mesophyll_optics::slab::inverse::{Coefficient, MORE_THAN_ALL, Model, Precision};
+use mesophyll_report::spectrum;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -80,39 +80,6 @@ pub struct Args {
 const UNITS: [&str; 3] = ["um", "mm", "m"];
 
 const WAVELENGTH: &str = "wavelength_nm";
-
-/// One picture for each leaf, in order of first appearance. The rows may be in any order; each has its number, leaf,
-/// wavelength and answer.
-fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Panel>)> {
-    rows.sort_by_key(|r| r.0);
-    let mut leaves: Vec<(String, Vec<(f64, Vec<f64>)>)> = Vec::new();
-    let mut places = HashMap::new();
-    for (_, leaf, wavelength, values) in rows {
-        let place = *places.entry(leaf.clone()).or_insert_with(|| {
-            leaves.push((leaf, Vec::new()));
-            leaves.len() - 1
-        });
-        leaves[place].1.push((wavelength, values));
-    }
-    let panels = |(leaf, mut points): (String, Vec<(f64, Vec<f64>)>)| {
-        points.retain(|p| p.0.is_finite());
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let panel = |k: usize, name: &str, word: &str| Panel {
-            title: format!("{leaf}: {word}"),
-            across: spectrum::WAVELENGTH.into(),
-            axis: format!("{name} (1/mm)"),
-            logarithmic: true,
-            lines: vec![Line {
-                name: name.into(),
-                points: points.iter().map(|(w, v)| [*w, v[k], v[k + 2]]).collect(),
-                dots: false,
-            }],
-        };
-        let both = vec![panel(0, "σa", "absorption"), panel(1, "σs", "scattering")];
-        (leaf, both)
-    };
-    leaves.into_iter().map(panels).collect()
-}
 
 const INPUTS: [&str; 9] = [
     "rho_d",
@@ -238,7 +205,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     } else {
         wide.iter().any(|(_, columns)| columns[2..].iter().any(|name| table.column(name).is_some()))
     };
-    let without_errors = AtomicUsize::new(0);
+    let (without_errors, more_than_all) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
     say_assumptions(args);
     let reflecting = (args.index != 1.0).then(|| Model::of_index(args.index));
@@ -260,6 +227,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);
             let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err, known };
             let mut answer = slab::answer(&options, &m);
+            if matches!(&answer.status, Status::Refused(why) if why.starts_with(MORE_THAN_ALL)) {
+                more_than_all.fetch_add(1, Ordering::Relaxed);
+            }
             if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
                 answer.status = doubted(answer.status, &why);
             }
@@ -308,8 +278,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
+    if let rows @ 1.. = more_than_all.into_inner() {
+        progress::say(format!(
+            "{} reflect and transmit more than all light: is the white reference less bright than it was taken for, or \
+             were R and T measured at different places?",
+            counted(rows, "row")
+        ));
+    }
     if let Some(folder) = &args.plots {
-        let leaves = spectra(found.into_inner().unwrap_or_else(PoisonError::into_inner));
+        let leaves = slab_pictures::panels(found.into_inner().unwrap_or_else(PoisonError::into_inner));
         let files = spectrum::pictures(folder, &leaves)?;
         progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
     }

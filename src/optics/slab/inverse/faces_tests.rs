@@ -157,6 +157,26 @@ fn one_share_and_one_coefficient() {
     assert!((share - 0.95).abs() < 0.02 + 3.0 * (0.05 * 0.95 / ok as f64).sqrt(), "{share} of {ok}");
 }
 
+#[test]
+fn what_one_share_leaves_open_is_bounded_by_name() {
+    let model = Model::matched();
+    let fit = |share: Share, value: f64, known: Coefficient, sigma: f64| {
+        let e = invert_single(model, &Single { share, value, err: 2e-3, known, sigma, sigma_err: 0.0 }, 0.2);
+        assert!(matches!(e.status, Status::Refused(_)) || (e.sigma_a.is_finite() && e.sigma_s.is_finite()), "{e:?}");
+        e.status.to_string()
+    };
+    let starts = |got: String, want: &str| assert!(got.starts_with(want), "{got:?}, expected {want:?}");
+    for t in [0.0, -1e-3, 1e-3] {
+        starts(fit(Share::Transmitted, t, Coefficient::Scattering, 1.0), "undetermined: sigma_a >= ");
+        starts(fit(Share::Transmitted, t, Coefficient::Absorption, 1.0), "undetermined: sigma_s >= ");
+    }
+    starts(fit(Share::Transmitted, 0.999, Coefficient::Absorption, 0.0), "undetermined: sigma_s <= ");
+    starts(fit(Share::Transmitted, 0.99, Coefficient::Scattering, 1.0), "refused: rho_t is 0.99; a slab of this");
+    starts(fit(Share::Reflected, 0.0, Coefficient::Absorption, 1.0), "undetermined: sigma_s <= ");
+    starts(fit(Share::Reflected, 1.0, Coefficient::Absorption, 0.0), "undetermined: sigma_s >= ");
+    starts(fit(Share::Reflected, 0.9, Coefficient::Scattering, 1.0), "refused: rho_d is 0.9; a slab of this");
+}
+
 /// At a high index a little scattering takes more from the far face's mirror reflection than it sends back, so two
 /// slabs reflect alike.
 #[test]

@@ -48,6 +48,9 @@ pub struct Estimate {
     pub status: Status,
 }
 
+/// How the refusal of a pair begins whose sum is above 1.
+pub const MORE_THAN_ALL: &str = "rho_d + rho_t";
+
 /// What was measured, and its standard errors.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Measured {
@@ -196,7 +199,7 @@ fn impossible(model: &Model, m: &Measured, h: f64) -> Option<String> {
     }
     let excess = m.r + m.t - 1.0;
     if excess > IMPOSSIBLE * (m.r_err.hypot(m.t_err) + ROUNDING) {
-        return Some(format!("rho_d + rho_t is {}; more than 1 beyond the stated noise", m.r + m.t));
+        return Some(format!("{MORE_THAN_ALL} is {}; more than 1 beyond the stated noise", m.r + m.t));
     }
     let clear = model.mirror.clear();
     if m.t - clear > IMPOSSIBLE * (m.t_err + ROUNDING) {

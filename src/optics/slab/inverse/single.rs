@@ -5,7 +5,7 @@
 //! σs everywhere. The error has two parts: that of the measurement and that of the known coefficient.
 
 use super::bounds::figure;
-use super::{DETERMINED, Estimate, IMPOSSIBLE, Model, OPAQUE, ROUNDING, Status, thickness_trouble};
+use super::{DETERMINED, Estimate, IMPOSSIBLE, Model, OPAQUE, ROUNDING, SMALLEST, Status, thickness_trouble};
 
 /// Which share was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,6 +85,10 @@ impl Curve<'_> {
     }
 
     fn roots(&self, known: f64, value: f64) -> Roots {
+        if self.share == Share::Transmitted && value < SMALLEST {
+            // Every slab that is thick enough transmits nothing.
+            return Roots::None { nearest: f64::INFINITY, share: 0.0 };
+        }
         let step = (RANGE[1] - RANGE[0]) / (POINTS - 1) as f64;
         // 0 stands before the points.
         let place = |k: usize| if k == 0 { 0.0 } else { (RANGE[0] + step * (k - 1) as f64).exp() };
@@ -191,7 +195,8 @@ pub fn invert_single(model: &Model, single: &Single, thickness_mm: f64) -> Estim
         }
     };
     let all: Vec<f64> = end(1.0).into_iter().chain(end(-1.0)).chain([centre]).collect();
-    let (low, high) = all.iter().fold((f64::INFINITY, 0.0_f64), |(l, u), &x| (l.min(x), u.max(x)));
+    // Where no slab of the range reaches the value, the range's end bounds it.
+    let (low, high) = all.iter().fold((RANGE[1].exp(), 0.0_f64), |(l, u), &x| (l.min(x), u.max(x)));
     let opaque = share == Share::Transmitted && value <= OPAQUE * err;
     let high = if opaque { f64::INFINITY } else { high };
     let relative = own / centre;
@@ -200,13 +205,13 @@ pub fn invert_single(model: &Model, single: &Single, thickness_mm: f64) -> Estim
     if regular && relative <= DETERMINED && !several && fits(down) && fits(up) {
         return answer(single, centre / h, own / h, Status::Ok);
     }
-    let text = match (low > 0.05 * centre.min(high) && low > 0.0, high.is_finite()) {
+    let best = if centre.is_finite() { centre } else { low };
+    let text = match (low > 0.05 * best && low > 0.0, high.is_finite()) {
         _ if several => format!("{unknown} (several values give this {name} within its error)"),
         (false, true) => format!("{unknown} <= {}", figure(high / h, true)),
         (true, false) => format!("{unknown} >= {}", figure(low / h, false)),
         _ => unknown.to_string(),
     };
-    let best = if centre.is_finite() { centre } else { low };
     let width = own.max(0.5 * (high - low) / WIDTH).max(1.01 * DETERMINED * best);
     let width = if width.is_nan() { f64::INFINITY } else { width };
     answer(single, best / h, width / h, Status::Undetermined(text))
