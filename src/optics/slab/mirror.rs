@@ -8,20 +8,24 @@
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mirror {
     r: f64,
+    clear: f64,
 }
 
 impl Mirror {
     /// Faces between air and `index` ≥ 1, for a beam along the normal; 1 reflects nothing.
     pub fn of_index(index: f64) -> Mirror {
-        Mirror { r: ((index - 1.0) / (index + 1.0)).powi(2) }
+        let r = ((index - 1.0) / (index + 1.0)).powi(2);
+        Mirror { r, clear: (1.0 - r) / (1.0 + r) }
     }
 
     /// Whether the faces reflect nothing.
+    #[inline]
     pub fn is_none(&self) -> bool {
         self.r == 0.0
     }
 
     /// Reflectance of one face for the beam.
+    #[inline]
     pub fn face(&self) -> f64 {
         self.r
     }
@@ -33,17 +37,20 @@ impl Mirror {
     }
 
     /// Transmittance of a slab that neither scatters nor absorbs, the largest there is.
+    #[inline]
     pub fn clear(&self) -> f64 {
-        (1.0 - self.r) / (1.0 + self.r)
+        self.clear
     }
 
     /// y at the transmittance `t`.
+    #[inline]
     pub fn crossing(&self, t: f64) -> f64 {
         let a = (1.0 - self.r).powi(2);
         2.0 * t / (a + (a * a + (2.0 * self.r * t).powi(2)).sqrt())
     }
 
     /// R at the transmittance `t`, and its derivative by it.
+    #[inline]
     pub fn reflectance(&self, t: f64) -> (f64, f64) {
         if self.is_none() {
             return (0.0, 0.0);
@@ -53,6 +60,7 @@ impl Mirror {
     }
 
     /// 1 − T − R where ln(clear/T) is `depth`, and −1 times its derivative by T.
+    #[inline]
     pub fn absorbed(&self, depth: f64) -> (f64, f64) {
         let missing = -(-depth).exp_m1();
         if self.is_none() {

@@ -263,7 +263,7 @@ pub(crate) struct Spread {
 impl Spread {
     pub fn new(model: &Model, point: &Point, m: &Measured) -> Spread {
         // rows: ln σa, ln σs; columns: ρd, ρt
-        let g = point.log_sigma_by_measured(&model.mirror, m.r, m.t);
+        let g = point.log_sigma_by_measured(model, m.r, m.t);
         // The products are formed before they are squared: the squares of the errors alone would underflow at a
         // transmittance of 1e-200.
         let e = [[g[0][0] * m.r_err, g[0][1] * m.t_err], [g[1][0] * m.r_err, g[1][1] * m.t_err]];

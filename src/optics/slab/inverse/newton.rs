@@ -2,7 +2,6 @@
 
 use super::Precision;
 use super::model::Model;
-use crate::slab::mirror::Mirror;
 use mesophyll_solve::Termination;
 use mesophyll_solve::damped::{self, Control, Damped, newton_step};
 
@@ -25,11 +24,11 @@ const COUNT: [usize; 2] = [57, 63];
 
 impl Point {
     /// ∂(ln σa, ln σs)/∂(ρd, ρt).
-    pub fn log_sigma_by_measured(&self, mirror: &Mirror, r: f64, t: f64) -> [[f64; 2]; 2] {
+    pub fn log_sigma_by_measured(&self, model: &Model, r: f64, t: f64) -> [[f64; 2]; 2] {
         let lost = 1.0 - r - t;
-        let (floor, slope) = mirror.reflectance(t);
+        let (floor, slope) = model.mirror.reflectance(t);
         let above = r - floor;
-        let depth = mirror.clear().ln() - t.ln();
+        let depth = model.log_clear - t.ln();
         let f = [[1.0 / above + 1.0 / lost, 1.0 / lost - slope / above], [0.0, -1.0 / (t * depth)]];
         let j = self.jacobian;
         let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
