@@ -5,20 +5,27 @@
 //! m, tilt and tilt_y are searched globally: first a grid over all three, then argmin's Nelder–Mead from the best
 //! distinct grid points, then Levenberg–Marquardt from the winner, which gives the last digits and the errors.
 //!
-//! The errors are computed from the scatter of the residuals. For a real leaf that scatter is misfit more than noise,
-//! so the errors are lower bounds.
+//! The errors are computed from the scatter of the residuals. They hold only where the lobe describes the leaf, so every
+//! fit is judged ([`judge`]) and compared with the other lobes; where it fails, nothing is promised. Where the scatter
+//! plainly grows with the reading, readings are weighted by it ([`scatter`]).
 
 mod batch;
+mod columns;
+mod judge;
+mod scatter;
+mod search;
+#[cfg(test)]
+mod tests;
+mod verdict;
 
-pub use batch::{answer, outputs, run, sample};
+pub use batch::{answer, outputs, run};
+pub use columns::sample;
 
-use super::{M_RANGE, normal_of};
-use argmin::core::{CostFunction, Executor, State as _};
-use argmin::solver::neldermead::NelderMead;
-use mesophyll_optics::gloss::Lobe;
-use mesophyll_solve::Termination;
-use mesophyll_solve::damped::{self, Control, Damped};
-use std::f64::consts::PI;
+use judge::Judgement;
+use mesophyll_optics::gloss::{Lobe, LobeKind, dot};
+use scatter::Residuals;
+use search::{Point, Problem, at_end, even};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoEnumIterator, IntoStaticStr};
 
 /// One direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,16 +40,76 @@ pub struct Sample {
 
 impl Sample {
     /// The source is at azimuth 0 in the x–z plane, so that view azimuth 180° is the side of the mirror direction.
-    /// Angles in radians.
+    /// Angles in radians; a negative zenith angle lies at the opposite azimuth.
     pub fn from_angles(source_zenith: f64, view_zenith: f64, view_azimuth: f64, values: Vec<f64>) -> Sample {
-        let dir = |t: f64, p: f64| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
-        Sample { light: dir(source_zenith, 0.0), view: dir(view_zenith, view_azimuth), values }
+        Sample::between([source_zenith, 0.0], [view_zenith, view_azimuth], values)
+    }
+
+    /// The same with a source at any azimuth: zenith and azimuth of the source, and of the view (rad).
+    pub fn between(source: [f64; 2], view: [f64; 2], values: Vec<f64>) -> Sample {
+        let dir = |[t, p]: [f64; 2]| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
+        Sample { light: dir(source), view: dir(view), values }
+    }
+}
+
+/// Which lobe is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Surface {
+    /// Beckmann's, because nothing else was said.
+    #[default]
+    Usual,
+    /// The one that was asked for.
+    Of(LobeKind),
+    /// The one that describes the leaf best.
+    Auto,
+}
+
+/// Which tilts of the normal are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Tilts {
+    /// Both; but the tilt across a scan in one plane, which no reading shows, is taken as 0 and named
+    #[default]
+    Free,
+    /// In the plane of azimuth 0 only; tilt_y is 0
+    Along,
+    /// None: the leaf lies level
+    #[strum(serialize = "0")]
+    Level,
+}
+
+/// How leaves are fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// The lobe.
+    pub surface: Surface,
+    /// Index of refraction of lobes that have one; `None`: it is fitted, between the two of [`INDICES`].
+    pub index: Option<f64>,
+    /// Which tilts are fitted.
+    pub tilts: Tilts,
+    /// The view azimuth of the mirror side (degrees, 0 or 180) where it was stated; then large tilts are believed.
+    pub mirror_azimuth: Option<u16>,
+    /// Whether readings are per cent.
+    pub percent: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            surface: Surface::Usual,
+            index: Some(INDEX),
+            tilts: Tilts::Free,
+            mirror_azimuth: None,
+            percent: false,
+        }
     }
 }
 
 /// A fitted leaf; errors are one standard deviation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SamplesFit {
+    /// The lobe; with the fitted index where it was fitted.
+    pub lobe: Lobe,
     /// Diffuse reflectance ρd, a value column each.
     pub rho_d: Vec<f64>,
     /// Gloss reflectance ρs, the same for all columns.
@@ -59,297 +126,334 @@ pub struct SamplesFit {
     pub rho_s_err: f64,
     /// Standard error of the slope.
     pub m_err: f64,
-    /// Standard errors of tilt and tilt_y (rad).
+    /// Standard errors of tilt and tilt_y (rad); 0 for one that was stated.
     pub tilt_err: [f64; 2],
+    /// Standard error of the index of refraction; 0 where it was stated or the lobe has none.
+    pub index_err: f64,
     /// Readings used.
     pub readings: usize,
+    /// Why the lobe does not describe the leaf, as a part of a sentence; `None` where it does.
+    pub misfit: Option<String>,
+    /// What was taken for granted of the normal because no reading shows it, as a sentence; `None` where all is shown.
+    pub taken: Option<String>,
+    /// A different solution that explains the readings as well, as a part of a sentence.
+    pub rival: Option<String>,
+    /// Logarithm of the evidence of each lobe, in the order of [`LobeKind`]: the likelihood of the readings with the
+    /// noise at its best, less ½ ln n for each parameter. Only differences mean something; NaN: not computed.
+    pub evidence: Vec<f64>,
+    /// Lobes with as much evidence, where the lobe was chosen by it; their values have widened the errors.
+    pub tied: Vec<LobeKind>,
+    /// The lobe that describes the leaf far better, and whether it describes it to its noise.
+    pub better: Option<(LobeKind, bool)>,
 }
 
 /// Largest tilt that is searched (rad).
 const TILT: f64 = 0.8;
-/// How many local searches start from the grid.
-const STARTS: usize = 8;
+/// Index of refraction where none is stated: of a leaf's wax.
+pub const INDEX: f64 = 1.45;
+/// Least and largest index of refraction that is fitted.
+pub const INDICES: [f64; 2] = [1.2, 1.7];
+/// A lobe is far better where the readings are this much likelier with it (ln 1000).
+const FAR_BETTER: f64 = 6.9;
+/// Lobes are tied where the readings are not this much likelier with one of them (ln 20).
+const TIED: f64 = 3.0;
+/// All directions within this angle of one plane (rad) are a scan in that plane.
+const PLANE: f64 = 0.0175;
+/// A tilt that is known worse than this (rad) is taken as 0, because leaves lie flatter than it tells.
+const UNSEEN: f64 = 0.2;
 
 /// Fits one leaf.
 ///
 /// # Errors
 /// A reason in words where there are too few readings.
-pub fn fit(samples: &[Sample], lobe: Lobe) -> std::result::Result<SamplesFit, String> {
+pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<SamplesFit, String> {
     let bands = samples.first().map_or(0, |s| s.values.len());
-    let readings = samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).count();
-    let parameters = bands + 4;
-    if readings <= parameters {
-        return Err(format!("{readings} readings for {parameters} parameters"));
-    }
     if let Some(k) = (0..bands).find(|&k| samples.iter().all(|s| !s.values[k].is_finite())) {
         return Err(format!("value column {} has no reading", k + 1));
     }
-    let problem = Problem { samples, lobe, bands };
-    let mut grid: Vec<(f64, [f64; 3])> = Vec::new();
-    for i in 0..16 {
-        let m = 0.03f64.ln() + (M_RANGE[1].ln() - 0.03f64.ln()) * f64::from(i) / 15.0;
-        let pitch = (0.7 * m.exp()).clamp(0.03, 0.1);
-        let count = (TILT / pitch).ceil() as i32;
-        for a in -count..=count {
-            for b in -count..=count {
-                let p = [m, TILT * f64::from(a) / f64::from(count), TILT * f64::from(b) / f64::from(count)];
-                grid.push((problem.sum(&p), p));
-            }
+    let wanted = match settings.surface {
+        Surface::Of(kind) => Some(kind),
+        Surface::Usual => Some(LobeKind::Beckmann),
+        Surface::Auto => None,
+    };
+    let all: Vec<(LobeKind, Leaf)> = LobeKind::iter()
+        .map(|kind| Ok((kind, Leaf::fit(samples, bands, kind, settings)?)))
+        .collect::<std::result::Result<_, String>>()?;
+    let evidence: Vec<f64> = all.iter().map(|(_, leaf)| leaf.evidence()).collect();
+    let best = (0..all.len()).max_by(|a, b| evidence[*a].total_cmp(&evidence[*b])).unwrap_or(0);
+    let chosen = wanted.and_then(|kind| all.iter().position(|(k, _)| *k == kind)).unwrap_or(best);
+    let leaf = &all[chosen].1;
+    let mut out = leaf.report();
+    if evidence[best] - evidence[chosen] > FAR_BETTER {
+        out.better = Some((all[best].0, all[best].1.judgement.why.is_none()));
+    }
+    if wanted.is_none() {
+        for k in (0..all.len()).filter(|k| *k != chosen && evidence[chosen] - evidence[*k] < TIED) {
+            out.tied.push(all[k].0);
+            out.hold(&all[k].1.report());
         }
     }
-    grid.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut starts: Vec<[f64; 3]> = Vec::new();
-    for (_, p) in &grid {
-        let near = |q: &[f64; 3]| (p[0] - q[0]).abs() < 0.5 && (p[1] - q[1]).abs() < 0.12 && (p[2] - q[2]).abs() < 0.12;
-        if !starts.iter().any(near) {
-            starts.push(*p);
-        }
-        if starts.len() == STARTS {
-            break;
-        }
-    }
-    let mut best: Option<(f64, [f64; 3])> = None;
-    for start in starts {
-        let found = problem.polish(problem.simplex(start));
-        if best.is_none_or(|b| found.0 < b.0) {
-            best = Some(found);
-        }
-    }
-    let (sum, p) = best.ok_or_else(|| "no start".to_string())?;
-    Ok(problem.report(&p, sum, readings, parameters))
+    out.evidence = evidence;
+    Ok(out)
 }
 
-struct Problem<'a> {
-    samples: &'a [Sample],
-    lobe: Lobe,
-    bands: usize,
+/// A leaf with one lobe.
+struct Leaf<'a> {
+    problem: Problem<'a>,
+    fit: Residuals,
+    judgement: Judgement,
+    taken: Option<String>,
+    /// Other ends of descents, best first.
+    rivals: Vec<(f64, Point)>,
+    level: Level,
 }
 
-/// Linear solve at fixed m and normal.
-struct Solved {
-    rho_d: Vec<f64>,
-    rho_s: f64,
-    sum: f64,
+/// What is known of the tilts without a reading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Level {
+    /// Whatever is not fitted was stated.
+    Stated,
+    /// The tilt across was taken as 0.
+    Taken,
 }
 
-impl Problem<'_> {
-    /// π f_s of every sample.
-    fn column(&self, p: &[f64; 3]) -> Vec<f64> {
-        let (n, m) = (normal_of([p[1], p[2]]), p[0].exp());
-        self.samples.iter().map(|s| PI * self.lobe.value(n, s.light, s.view, m)).collect()
-    }
-
-    fn solve(&self, column: &[f64]) -> Solved {
-        // Each band is centred, then one common slope is fitted. A ρ below zero goes to its bound.
-        let each = |k: usize| {
-            self.samples
-                .iter()
-                .zip(column)
-                .filter(move |(s, _)| s.values[k].is_finite())
-                .map(move |(s, c)| (s.values[k], *c))
+impl<'a> Leaf<'a> {
+    fn fit(samples: &'a [Sample], bands: usize, kind: LobeKind, settings: &Settings) -> std::result::Result<Self, String> {
+        let fit_index = settings.index.is_none() && kind.has_index();
+        let mut problem = Problem {
+            samples,
+            kind,
+            bands,
+            weights: even(samples),
+            turn: 0.0,
+            free: [true, settings.tilts != Tilts::Level, settings.tilts == Tilts::Free, fit_index],
+            index: settings.index.unwrap_or(INDEX),
         };
-        let (mut top, mut bottom) = (0.0, 0.0);
-        let mut means = Vec::with_capacity(self.bands);
-        for k in 0..self.bands {
-            let n = each(k).count() as f64;
-            let (y, c) = each(k).fold((0.0, 0.0), |(a, b), (y, c)| (a + y / n, b + c / n));
-            means.push((y, c));
-            for (v, x) in each(k) {
-                top += (v - y) * (x - c);
-                bottom += (x - c) * (x - c);
+        let mut level = Level::Stated;
+        if settings.tilts == Tilts::Free
+            && let Some(turn) = plane(samples)
+        {
+            (problem.turn, problem.free[2], level) = (turn, false, Level::Taken);
+        }
+        let readings = problem.weights.iter().filter(|w| **w > 0.0).count();
+        let parameters = bands + 1 + problem.live().len();
+        if readings <= parameters {
+            return Err(format!("{readings} readings for {parameters} parameters"));
+        }
+        let floor = floor(samples);
+        let mut ends = problem.search();
+        let mut fit = Residuals::at(&problem, &ends[0].1, floor);
+        if level == Level::Stated
+            && settings.tilts == Tilts::Free
+            && let Some(turn) = unseen(&problem, &fit)
+        {
+            (problem.turn, problem.free[2], level) = (turn, false, Level::Taken);
+            ends = problem.search();
+            fit = Residuals::at(&problem, &ends[0].1, floor);
+        }
+        let mut leaf = Leaf { taken: None, rivals: ends.split_off(1), judgement: Judgement::default(), problem, fit, level };
+        leaf.judgement = judge::judge(samples, &leaf.fit, leaf.tilts(), floor);
+        leaf.weigh(floor);
+        leaf.taken = (level == Level::Taken).then(|| leaf.across());
+        Ok(leaf)
+    }
+
+    fn tilts(&self) -> [f64; 2] {
+        self.problem.tilts(&self.fit.p)
+    }
+
+    /// Weights readings by their noise where it grows with the reading. A fit that describes the leaf so is kept; of a
+    /// leaf that the lobe does not describe, the plain least squares are kept, because then the scatter is no noise.
+    fn weigh(&mut self, floor: f64) {
+        let mut problem = self.problem.clone();
+        let mut ends: Vec<Point> = [self.fit.p].into_iter().chain(self.rivals.iter().map(|r| r.1)).collect();
+        let mut found: Option<(Residuals, f64)> = None;
+        let samples = self.problem.samples;
+        for _ in 0..5 {
+            let before = found.as_ref().map(|f| f.1);
+            let Some(growth) = found.as_ref().map_or(&self.fit, |f| &f.0).growth() else { break };
+            if before.is_some_and(|b| (growth / b).ln().abs() < 0.05) {
+                break;
             }
+            let (column, solved) = found.as_ref().map_or_else(
+                || (self.problem.column(&self.fit.p), &self.fit.solved),
+                |(fit, _)| (problem.column(&fit.p), &fit.solved),
+            );
+            let computed = |i: usize, k: usize| (solved.rho_d[k] + solved.rho_s * column[i]).max(0.0);
+            problem.weights = even(samples)
+                .into_iter()
+                .enumerate()
+                .map(|(at, w)| w / (1.0 + (growth * computed(at / problem.bands, at % problem.bands)).powi(2)))
+                .collect();
+            let polished = problem.descend(ends.iter().copied());
+            ends = polished.iter().map(|e| e.1).collect();
+            found = Some((Residuals::at(&problem, &polished[0].1, floor), growth));
         }
-        let mut rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
-        let mut rho_d: Vec<f64> = means.iter().map(|(y, c)| y - rho_s * c).collect();
-        if rho_d.iter().any(|r| *r < 0.0) {
-            // A band whose ρd is held at zero is no longer centred: a few sweeps of coordinate descent solve the
-            // bounded problem.
-            for _ in 0..200 {
-                for (r, (y, c)) in rho_d.iter_mut().zip(&means) {
-                    *r = (y - rho_s * c).max(0.0);
-                }
-                let (mut top, mut bottom) = (0.0, 0.0);
-                for (k, r) in rho_d.iter().enumerate() {
-                    for (v, x) in each(k) {
-                        top += (v - r) * x;
-                        bottom += x * x;
-                    }
-                }
-                rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
-            }
-        }
-        let sum =
-            rho_d.iter().enumerate().map(|(k, r)| each(k).map(|(v, x)| (v - r - rho_s * x).powi(2)).sum::<f64>()).sum();
-        Solved { rho_d, rho_s, sum }
-    }
-
-    /// Sum of squares at (ln m, tilt, tilt_y). Outside the allowed range it rises steeply.
-    fn sum(&self, p: &[f64; 3]) -> f64 {
-        let q = clamp(p);
-        let outside: f64 = p.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum();
-        self.solve(&self.column(&q)).sum * (1.0 + 10.0 * outside) + outside
-    }
-
-    fn simplex(&self, start: [f64; 3]) -> [f64; 3] {
-        let mut corners = vec![start.to_vec()];
-        for (k, edge) in [0.15, 0.04, 0.04].into_iter().enumerate() {
-            let mut corner = start.to_vec();
-            corner[k] += edge;
-            corners.push(corner);
-        }
-        let Ok(solver) = NelderMead::new(corners).with_sd_tolerance(1e-14) else { return start };
-        let run = Executor::new(Simplex(self), solver).configure(|s| s.max_iters(300)).run();
-        match run.ok().and_then(|r| r.state().get_best_param().cloned()) {
-            Some(p) if p.len() == 3 => clamp(&[p[0], p[1], p[2]]),
-            _ => start,
+        let Some((fit, _)) = found else { return };
+        let judgement = judge::judge(samples, &fit, problem.tilts(&fit.p), floor);
+        if judgement.why.is_none() {
+            self.rivals = problem.descend(ends.into_iter().skip(1));
+            (self.problem, self.fit, self.judgement) = (problem, fit, judgement);
+        } else {
+            // The evidence is that of the likelier description of the scatter.
+            self.fit.likelihood = self.fit.likelihood.max(fit.likelihood);
+            let widening = std::mem::take(&mut self.judgement.widening);
+            self.judgement = Judgement { why: judgement.why, widening };
         }
     }
 
-    /// Residuals of all readings at `p`, with the linear parameters at their best values.
-    fn residuals(&self, p: &[f64; 3]) -> Vec<f64> {
-        let column = self.column(p);
-        let s = self.solve(&column);
-        let rho = &s.rho_d;
-        let readings = self
-            .samples
-            .iter()
-            .zip(&column)
-            .flat_map(|(sample, x)| sample.values.iter().zip(rho).map(move |(v, r)| v - r - s.rho_s * x));
-        readings.filter(|r| r.is_finite()).collect()
+    /// Logarithm of the evidence (Schwarz 1978: −BIC/2).
+    fn evidence(&self) -> f64 {
+        self.fit.likelihood - 0.5 * self.fit.live.len() as f64 * (self.fit.common.r.len() as f64).ln()
     }
 
-    /// Levenberg–Marquardt on the projected residuals, derivatives by central differences (a leaf has few samples).
-    fn polish(&self, start: [f64; 3]) -> (f64, [f64; 3]) {
-        let at = (self.solve(&self.column(&start)).sum, start);
-        let control = Control { damping: 1e-3, tries: usize::MAX, most: 1e7, least: 0.0, ..Control::MARQUARDT };
-        damped::minimize(&mut Polish { problem: self, normal: Default::default() }, at, &control).0
-    }
-
-    /// −∂residual/∂p of the projected residuals, a column a parameter.
-    fn slopes(&self, p: &[f64; 3]) -> [Vec<f64>; 3] {
-        std::array::from_fn(|k| {
-            let step = 1e-5;
-            let moved = |by: f64| {
-                let mut q = *p;
-                q[k] += by;
-                self.residuals(&q)
-            };
-            moved(-step).iter().zip(moved(step)).map(|(a, b)| (a - b) / (2.0 * step)).collect()
-        })
-    }
-
-    fn report(&self, p: &[f64; 3], sum: f64, readings: usize, parameters: usize) -> SamplesFit {
-        let column = self.column(p);
-        let solved = self.solve(&column);
-        let variance = sum / (readings - parameters) as f64;
-        // Full Jacobian: ρd a band, ρs, ln m, tilt, tilt_y.
-        let n = self.bands + 4;
-        let moved = |k: usize, by: f64| {
-            let mut q = *p;
-            q[k] += by;
-            self.column(&q)
+    /// What a tilt across would do, as a sentence.
+    fn across(&self) -> String {
+        const TRIED: f64 = 5.0;
+        let tilted = Problem { ..self.problem.clone() };
+        let mut start = self.fit.p;
+        start[2] = TRIED.to_radians();
+        let there = tilted.descend([start].into_iter());
+        let rho_s = tilted.at(&there[0].1).rho_s;
+        let change = 100.0 * (rho_s / self.fit.solved.rho_s - 1.0);
+        let told = if change.is_finite() {
+            format!("; {TRIED:.0} degrees would change rho_s by {change:+.1} %")
+        } else {
+            String::new()
         };
-        let slopes: [Vec<f64>; 3] = std::array::from_fn(|k| {
-            let (hi, lo) = (moved(k, 1e-5), moved(k, -1e-5));
-            hi.iter().zip(&lo).map(|(a, b)| (a - b) / 2e-5).collect()
-        });
-        let mut normal = nalgebra::DMatrix::<f64>::zeros(n, n);
-        for (i, sample) in self.samples.iter().enumerate() {
-            for k in (0..self.bands).filter(|&k| sample.values[k].is_finite()) {
-                let mut row = nalgebra::DVector::<f64>::zeros(n);
-                row[k] = 1.0;
-                row[self.bands] = column[i];
-                for j in 0..3 {
-                    row[self.bands + 1 + j] = solved.rho_s * slopes[j][i];
-                }
-                normal += &row * row.transpose();
-            }
-        }
-        let scale: Vec<f64> = (0..n).map(|k| normal[(k, k)].sqrt()).collect();
-        let live: Vec<usize> = (0..n).filter(|&k| scale[k] > 0.0).collect();
-        let scaled = nalgebra::DMatrix::from_fn(live.len(), live.len(), |i, j| {
-            normal[(live[i], live[j])] / (scale[live[i]] * scale[live[j]])
-        });
-        let mut err = vec![f64::INFINITY; n];
-        if let Some(inverse) = scaled.cholesky().map(|c| c.inverse()) {
-            for (i, &k) in live.iter().enumerate() {
-                err[k] = (variance * inverse[(i, i)]).sqrt() / scale[k];
-            }
-        }
-        let m = p[0].exp();
-        SamplesFit {
-            rho_s: solved.rho_s,
+        format!("the readings do not show the tilt across the plane of the scan, which is taken as 0{told}")
+    }
+
+    fn report(&self) -> SamplesFit {
+        let (fit, bands) = (&self.fit, self.problem.bands);
+        let widened = |k: usize| fit.error(k) * self.judgement.widening.get(k).copied().unwrap_or(1.0);
+        let place = |component: usize| fit.live.iter().position(|k| *k == component).map(|k| bands + 1 + k);
+        let error = |component: usize| place(component).map_or(0.0, &widened);
+        let m = fit.p[0].exp();
+        let (sin, cos) = self.problem.turn.sin_cos();
+        let both = match (place(1), place(2)) {
+            (Some(a), Some(b)) => fit.covariance[(a, b)] * error(1) * error(2) / (fit.error(a) * fit.error(b)),
+            _ => 0.0,
+        };
+        let across = if self.level == Level::Taken { f64::INFINITY } else { error(2) };
+        let mixed = |a: f64, b: f64| {
+            // A factor of 0 leaves even an infinite error out.
+            let part = |factor: f64, error: f64| if factor.abs() < 1e-6 { 0.0 } else { (factor * error).powi(2) };
+            let cross = if (a * b).abs() < 1e-12 || !both.is_finite() { 0.0 } else { 2.0 * a * b * both };
+            (part(a, error(1)) + part(b, across) + cross).max(0.0).sqrt()
+        };
+        let readings = fit.plain.len();
+        let square: f64 = fit.plain.iter().map(|r| r.residual * r.residual).sum();
+        let mut out = SamplesFit {
+            lobe: self.problem.lobe(&fit.p),
+            rho_d: fit.solved.rho_d.clone(),
+            rho_s: fit.solved.rho_s,
             m,
-            tilt: [p[1], p[2]],
-            rms: (sum / readings as f64).sqrt(),
-            rho_d_err: err[..self.bands].to_vec(),
-            rho_s_err: err[self.bands],
-            m_err: m * err[self.bands + 1],
-            tilt_err: [err[self.bands + 2], err[self.bands + 3]],
-            rho_d: solved.rho_d,
+            tilt: self.tilts(),
+            rms: (square / readings as f64).sqrt(),
+            rho_d_err: (0..bands).map(&widened).collect(),
+            rho_s_err: widened(bands),
+            m_err: m * error(0),
+            tilt_err: [mixed(cos, -sin), mixed(sin, cos)],
+            index_err: error(3),
             readings,
+            misfit: self.judgement.why.clone(),
+            taken: self.taken.clone(),
+            rival: None,
+            evidence: Vec::new(),
+            tied: Vec::new(),
+            better: None,
+        };
+        out.rival = self.rival(&out);
+        out
+    }
+
+    /// Another minimum that explains the readings as well (within three standard deviations).
+    fn rival(&self, found: &SamplesFit) -> Option<String> {
+        let best = self.fit.common.sum() + self.fit.contrasts.sum();
+        let freedom = (self.fit.plain.len() - self.problem.bands - 1 - self.fit.live.len()).max(1) as f64;
+        let far = |value: f64, other: f64, error: f64| (value - other).abs() > 2.5 * error;
+        let other = self.rivals.iter().filter(|r| r.0 < best * (1.0 + 9.0 / freedom)).find(|(_, p)| {
+            let tilts = self.problem.tilts(p);
+            far(found.m, p[0].exp(), found.m_err) || (0..2).any(|k| far(found.tilt[k], tilts[k], found.tilt_err[k]))
+        })?;
+        let [tilt, tilt_y] = self.problem.tilts(&other.1);
+        Some(format!(
+            "m {:.3}, tilt {tilt:.3} and tilt_y {tilt_y:.3} explain the readings as well",
+            other.1[0].exp()
+        ))
+    }
+}
+
+impl SamplesFit {
+    /// Widens every error so that it holds the value of another description of the same leaf.
+    fn hold(&mut self, other: &SamplesFit) {
+        let widen = |error: &mut f64, a: f64, b: f64| *error = error.hypot(a - b);
+        for ((error, a), b) in self.rho_d_err.iter_mut().zip(&self.rho_d).zip(&other.rho_d) {
+            widen(error, *a, *b);
+        }
+        widen(&mut self.rho_s_err, self.rho_s, other.rho_s);
+        widen(&mut self.m_err, self.m, other.m);
+        for k in 0..2 {
+            widen(&mut self.tilt_err[k], self.tilt[k], other.tilt[k]);
         }
     }
-}
 
-/// The last refinement from a start close by. A point is the sum of squares together with its parameters.
-struct Polish<'a, 'b> {
-    problem: &'a Problem<'b>,
-    normal: (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>),
-}
-
-impl Damped for Polish<'_, '_> {
-    type Point = (f64, [f64; 3]);
-    type Step = [f64; 3];
-
-    fn linearise(&mut self, (_, p): &mut Self::Point) {
-        self.normal = normal_equations(&self.problem.slopes(p), &self.problem.residuals(p));
+    /// The angle between the normal and the vertical (rad).
+    pub fn leaning(&self) -> f64 {
+        (self.tilt[0].cos() * self.tilt[1].cos()).clamp(-1.0, 1.0).acos()
     }
 
-    fn step(&mut self, _: &Self::Point, damping: f64) -> Option<[f64; 3]> {
-        let (a, g) = &self.normal;
-        let damped = nalgebra::Matrix3::from_fn(|i, j| {
-            a[(i, j)] * if i == j { 1.0 + damping } else { 1.0 } + if i == j { 1e-300 } else { 0.0 }
-        });
-        damped.cholesky().map(|c| c.solve(g).into())
-    }
-
-    fn end(&mut self, _: &mut Self::Point, _: &[f64; 3]) -> Option<Termination> {
-        None
-    }
-
-    fn take(&mut self, (_, p): &Self::Point, step: &[f64; 3], _: f64) -> Self::Point {
-        let next = clamp(&[p[0] + step[0], p[1] + step[1], p[2] + step[2]]);
-        (self.problem.solve(&self.problem.column(&next)).sum, next)
-    }
-
-    fn better(&self, at: &Self::Point, trial: &Self::Point) -> bool {
-        trial.0 < at.0
-    }
-
-    fn settled(&self, before: &Self::Point, now: &Self::Point) -> Option<Termination> {
-        (before.0 - now.0 < 1e-14 * before.0).then_some(Termination::CostConverged)
+    /// Whether the slope or the index lies at an end of what is searched.
+    fn ends(&self) -> [bool; 2] {
+        let range = crate::gloss::M_RANGE;
+        let slope = self.m <= 1.0001 * range[0] || self.m >= 0.9999 * range[1];
+        [slope, self.index_err != 0.0 && self.lobe.index().is_some_and(at_end)]
     }
 }
 
-struct Simplex<'a, 'b>(&'a Problem<'b>);
+/// Residuals whose root mean square is below this are rounding of the table or of the arithmetic.
+fn floor(samples: &[Sample]) -> f64 {
+    let most = samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).fold(0.0f64, |a, v| a.max(v.abs()));
+    (0.5 * scatter::rounding(samples)).max(1e-7 * most)
+}
 
-impl CostFunction for Simplex<'_, '_> {
-    type Param = Vec<f64>;
-    type Output = f64;
-    fn cost(&self, p: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.0.sum(&[p[0], p[1], p[2]]))
+/// The azimuth (rad) of the plane in which all directions lie, if they do.
+fn plane(samples: &[Sample]) -> Option<f64> {
+    let directions = || samples.iter().flat_map(|s| [s.light, s.view]);
+    let [xx, xy, yy] = directions().fold([0.0; 3], |a, d| [a[0] + d[0] * d[0], a[1] + d[0] * d[1], a[2] + d[1] * d[1]]);
+    let turn = snapped(0.5 * (2.0 * xy).atan2(xx - yy));
+    let across = [-turn.sin(), turn.cos(), 0.0];
+    directions().all(|d| dot(d, across).abs() < PLANE).then_some(turn)
+}
+
+/// The azimuth of the tilt that is shown where the tilt across it is not.
+fn unseen(problem: &Problem, fit: &Residuals) -> Option<f64> {
+    let at = |k: usize| fit.live.iter().position(|c| *c == k).map(|k| problem.bands + 1 + k);
+    let (a, b) = (at(1)?, at(2)?);
+    let cov = |i: usize, j: usize| fit.covariance[(i, j)];
+    let (xx, xy, yy) = (cov(a, a), cov(a, b), cov(b, b));
+    if !(xx.is_finite() && yy.is_finite()) {
+        // The matrix is singular. Without gloss neither tilt is shown, and there is nothing to hold.
+        return (fit.solved.rho_s > 0.0).then_some(0.0);
     }
+    // The axis with the largest error is the one across.
+    let worst = 0.5 * (2.0 * xy).atan2(xx - yy);
+    let (sin, cos) = worst.sin_cos();
+    let most = xx * cos * cos + 2.0 * xy * sin * cos + yy * sin * sin;
+    let least = xx * sin * sin - 2.0 * xy * sin * cos + yy * cos * cos;
+    (most.sqrt() > UNSEEN && least.sqrt() < UNSEEN).then(|| snapped(worst - std::f64::consts::FRAC_PI_2))
 }
 
-fn clamp(p: &[f64; 3]) -> [f64; 3] {
-    [p[0].clamp(M_RANGE[0].ln(), M_RANGE[1].ln()), p[1].clamp(-TILT, TILT), p[2].clamp(-TILT, TILT)]
-}
-
-fn normal_equations(jacobian: &[Vec<f64>; 3], r: &[f64]) -> (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>) {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    (
-        nalgebra::Matrix3::from_fn(|i, j| dot(&jacobian[i], &jacobian[j])),
-        nalgebra::Vector3::from_fn(|i, _| dot(&jacobian[i], r)),
-    )
+/// An azimuth of a line (rad), within (−π/2, π/2]; one that differs from an axis by rounding is that axis.
+fn snapped(turn: f64) -> f64 {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let turn = if turn > quarter + 1e-9 {
+        turn - 2.0 * quarter
+    } else if turn <= -quarter + 1e-9 {
+        turn + 2.0 * quarter
+    } else {
+        turn
+    };
+    [0.0, quarter].into_iter().find(|axis| (turn - axis).abs() < 1e-6).unwrap_or(turn)
 }
