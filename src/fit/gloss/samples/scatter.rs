@@ -202,7 +202,7 @@ impl Residuals {
 fn turn(here: &[(f64, Vec<f64>)], sample: usize, common: &mut Part, contrasts: &mut Part) {
     let Some((first, rest)) = here.split_first() else { return };
     let mut sum = first.clone();
-    let mut add = |part: &mut Part, r: f64, row: Vec<f64>| {
+    let add = |part: &mut Part, r: f64, row: Vec<f64>| {
         part.r.push(r);
         part.rows.push(row);
         part.sample.push(sample);
