@@ -38,13 +38,15 @@ fn patterns(samples: &[Sample], part: &Part, tilts: [f64; 2], floor: f64) -> Jud
     }
     let along = orders(samples, part, tilts);
     let jacobian = part.jacobian();
-    let found = adequacy::judge(&Readings {
+    let mut found = adequacy::judge(&Readings {
         residuals: &part.r,
         jacobian: &jacobian,
         noise: Noise::Estimated,
         floor,
         along: &along,
     });
+    // The first findings say enough.
+    found.findings.truncate(2);
     let why = found.why("leaf").map(|why| why.replacen("the model does not describe this leaf: ", "", 1));
     Judgement { why, widening: found.widening }
 }

@@ -157,6 +157,8 @@ pub const INDICES: [f64; 2] = [1.2, 1.7];
 const FAR_BETTER: f64 = 6.9;
 /// Lobes are tied where the readings are not this much likelier with one of them (ln 20).
 const TIED: f64 = 3.0;
+/// Noise that is a larger share of the reading than this is no noise of an instrument.
+const SCATTER: f64 = 0.1;
 /// All directions within this angle of one plane (rad) are a scan in that plane.
 const PLANE: f64 = 0.0175;
 /// A tilt that is known worse than this (rad) is taken as 0, because leaves lie flatter than it tells.
@@ -289,8 +291,12 @@ impl<'a> Leaf<'a> {
             ends = polished.iter().map(|e| e.1).collect();
             found = Some((Residuals::at(&problem, &polished[0].1, floor), growth));
         }
-        let Some((fit, _)) = found else { return };
-        let judgement = judge::judge(samples, &fit, problem.tilts(&fit.p), floor);
+        let Some((fit, growth)) = found else { return };
+        let mut judgement = judge::judge(samples, &fit, problem.tilts(&fit.p), floor);
+        let relative = growth * fit.variances()[0].sqrt();
+        if relative > SCATTER && judgement.why.is_none() {
+            judgement.why = Some(format!("the readings scatter about it by {:.0} % of themselves", 100.0 * relative));
+        }
         if judgement.why.is_none() {
             self.rivals = problem.descend(ends.into_iter().skip(1));
             (self.problem, self.fit, self.judgement) = (problem, fit, judgement);

@@ -12,9 +12,9 @@ use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
 /// How many local searches start from the grid.
-const STARTS: usize = 8;
-/// The grid looks at about so many directions; the descents use all.
-const GRID_DIRECTIONS: usize = 250;
+const STARTS: usize = 6;
+/// The grid looks at about so many directions and at the mean of the columns; the descents use all.
+const GRID_DIRECTIONS: usize = 120;
 /// Step of differences in every parameter.
 const STEP: f64 = 1e-5;
 
@@ -53,10 +53,8 @@ pub(super) fn even(samples: &[Sample]) -> Vec<f64> {
 impl Problem<'_> {
     /// Ends of the descents, best first, with their sums of squares.
     pub fn search(&self) -> Vec<(f64, Point)> {
-        let every = self.samples.len().div_ceil(GRID_DIRECTIONS);
-        let few: Vec<Sample> = self.samples.iter().step_by(every).cloned().collect();
-        let weights = self.weights.chunks(self.bands).step_by(every).flatten().copied().collect();
-        let sparse = Problem { samples: &few, weights, ..self.clone() };
+        let few = self.grey();
+        let sparse = Problem { samples: &few, weights: even(&few), bands: 1, ..self.clone() };
         let mut grid: Vec<(f64, Point)> = Vec::new();
         for i in 0..16 {
             let m = 0.03f64.ln() + (M_RANGE[1].ln() - 0.03f64.ln()) * f64::from(i) / 15.0;
@@ -83,6 +81,25 @@ impl Problem<'_> {
             }
         }
         self.descend(starts.into_iter().map(|start| self.simplex(start)))
+    }
+
+    /// Some of the directions with the mean of their columns. The gloss is grey, so it shows there as well as in all
+    /// columns, as long as none lacks a reading.
+    fn grey(&self) -> Vec<Sample> {
+        let every = self.samples.len().div_ceil(GRID_DIRECTIONS);
+        let mean = |k: usize| {
+            let read = self.samples.iter().map(|s| s.values[k]).filter(|v| v.is_finite());
+            read.clone().sum::<f64>() / read.count() as f64
+        };
+        let means: Vec<f64> = (0..self.bands).map(mean).collect();
+        let grey = |s: &Sample| {
+            // A column without a reading here would shift the mean by its own level.
+            let read = s.values.iter().zip(&means).filter(|(v, _)| v.is_finite()).map(|(v, mean)| v - mean);
+            let level = means.iter().sum::<f64>() / self.bands as f64;
+            let count = read.clone().count();
+            Sample { values: vec![level + read.sum::<f64>() / count as f64], ..s.clone() }
+        };
+        self.samples.iter().step_by(every).map(grey).collect()
     }
 
     /// Levenberg–Marquardt from each start; best first.
@@ -161,7 +178,12 @@ impl Problem<'_> {
                         bottom += w * x * x;
                     }
                 }
-                rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
+                let next = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
+                let settled = (next - rho_s).abs() <= 1e-15 * next;
+                rho_s = next;
+                if settled {
+                    break;
+                }
             }
         }
         let square = |(k, r): (usize, &f64)| each(k).map(|(v, x, w)| w * (v - r - rho_s * x).powi(2)).sum::<f64>();
