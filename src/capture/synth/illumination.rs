@@ -267,8 +267,7 @@ impl Lobed<'_> {
         const TAILED: [f64; 8] = [0.0, 1.0, 2.5, 6.0, 15.0, 40.0, 100.0, 300.0];
         // V-cavity masking has kinks, so the panels are narrower.
         const KINKED: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5];
-        const BOTH: [f64; 16] =
-            [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5, 10.0, 15.0, 40.0, 100.0, 300.0];
+        const BOTH: [f64; 16] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5, 10.0, 15.0, 40.0, 100.0, 300.0];
         let edges: &[f64] = match self.lobe {
             Lobe::Beckmann => &BELL,
             Lobe::Ggx => &TAILED,

@@ -3,6 +3,7 @@
 use crate::named::{named, named_or};
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use clap::builder::TypedValueParser;
 use mesophyll_capture::goniometer;
 use mesophyll_files::table::{self, BatchIo, Table, Tally};
 use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
@@ -10,7 +11,6 @@ use mesophyll_fit::gloss::samples::{self, INDEX, Settings, Surface, Tilts};
 use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Precision;
-use clap::builder::TypedValueParser;
 use std::cell::RefCell;
 use std::path::PathBuf;
 

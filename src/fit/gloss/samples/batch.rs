@@ -126,7 +126,6 @@ fn chosen(f: &SamplesFit) -> String {
         .map(|(kind, e)| format!("{kind} {:.1}", e - best))
         .collect();
     let tied: Vec<String> = f.tied.iter().map(ToString::to_string).collect();
-    let equal =
-        if tied.is_empty() { String::new() } else { format!("; {} describes it as well", tied.join(" or ")) };
+    let equal = if tied.is_empty() { String::new() } else { format!("; {} describes it as well", tied.join(" or ")) };
     format!("lobe {own} (ln of the evidence against it: {}){equal}", others.join(", "))
 }

@@ -11,8 +11,28 @@ const OPTIONAL: &str = "source_azimuth";
 const LEAST: f64 = -0.05;
 /// Parts of the names of columns that say something of a direction.
 const DIRECTIONAL: [&str; 22] = [
-    "azimuth", "zenith", "phi", "theta", "azi", "zen", "elevation", "altitude", "incidence", "incident", "inclination",
-    "polarisation", "polarization", "saa", "sza", "vza", "vaa", "raa", "tilt", "tts", "tto", "psi",
+    "azimuth",
+    "zenith",
+    "phi",
+    "theta",
+    "azi",
+    "zen",
+    "elevation",
+    "altitude",
+    "incidence",
+    "incident",
+    "inclination",
+    "polarisation",
+    "polarization",
+    "saa",
+    "sza",
+    "vza",
+    "vaa",
+    "raa",
+    "tilt",
+    "tts",
+    "tto",
+    "psi",
 ];
 
 /// The columns of a table that are read.

@@ -92,14 +92,8 @@ fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
             out.push(Along { name, runs });
         }
     };
-    add(
-        "view zenith",
-        grouped(&|s| source(s).into_iter().chain([plane(s.view)]).collect(), &|s| signed(s.view), 3),
-    );
-    add(
-        "view azimuth",
-        grouped(&|s| source(s).into_iter().chain([zenith(s.view)]).collect(), &|s| azimuth(s.view), 4),
-    );
+    add("view zenith", grouped(&|s| source(s).into_iter().chain([plane(s.view)]).collect(), &|s| signed(s.view), 3));
+    add("view azimuth", grouped(&|s| source(s).into_iter().chain([zenith(s.view)]).collect(), &|s| azimuth(s.view), 4));
     let by_source = grouped(&|s| source(s).to_vec(), &from_mirror, 5);
     // Scattered directions have a source each: then all of them are one line.
     let whole = if by_source.is_empty() { grouped(&|_| Vec::new(), &from_mirror, 5) } else { by_source };

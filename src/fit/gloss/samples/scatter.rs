@@ -135,8 +135,9 @@ impl Residuals {
         let whole = &parts[0] + &parts[1];
         let scale: Vec<f64> = (0..n).map(|k| whole[(k, k)].sqrt()).collect();
         let live: Vec<usize> = (0..n).filter(|&k| scale[k] > 0.0).collect();
-        let scaled =
-            |a: &DMatrix<f64>| DMatrix::from_fn(live.len(), live.len(), |i, j| a[(live[i], live[j])] / (scale[live[i]] * scale[live[j]]));
+        let scaled = |a: &DMatrix<f64>| {
+            DMatrix::from_fn(live.len(), live.len(), |i, j| a[(live[i], live[j])] / (scale[live[i]] * scale[live[j]]))
+        };
         let Some(inverse) = scaled(&whole).cholesky().map(|c| c.inverse()) else { return };
         for (at, row) in self.plain.iter_mut().zip(rows) {
             let row = nalgebra::DVector::from_iterator(live.len(), live.iter().map(|&k| row[k] / scale[k]));
@@ -185,15 +186,15 @@ impl Residuals {
             0.5 * free.iter().map(|(_, v)| weight(*v).ln()).sum::<f64>() - 0.5 * n * (sum / n).ln()
         };
         let values: Vec<f64> = free.iter().map(|f| f.1).filter(|v| *v > 0.0).collect();
-        let (least, most) =
-            values.iter().fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(*v), b.max(*v)));
+        let (least, most) = values.iter().fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(*v), b.max(*v)));
         if !(most > least) {
             return None;
         }
         // From a noise that doubles nowhere to one that is proportional to the value nearly everywhere.
         let (from, to) = ((0.3 / most).ln(), (5.0 / least).ln());
         let tried = (0..=32).map(|k| (from + (to - from) * f64::from(k) / 32.0).exp());
-        let best = tried.map(|g| (likelihood(g), g)).fold((f64::NEG_INFINITY, 0.0), |a, b| if b.0 > a.0 { b } else { a });
+        let best =
+            tried.map(|g| (likelihood(g), g)).fold((f64::NEG_INFINITY, 0.0), |a, b| if b.0 > a.0 { b } else { a });
         (best.0 - likelihood(0.0) > GROWS).then_some(best.1)
     }
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::gloss::synthetic::Noise;
 use mesophyll_files::table::Status;
+use mesophyll_optics::gloss::dot;
 use std::f64::consts::PI;
 
 /// A leaf whose readings are computed here, by formulas written anew.
@@ -91,7 +92,9 @@ fn right_lobes_are_not_accused_and_their_errors_hold() {
     let (mut accused, mut inside, mut runs) = (0, [0; 4], 0);
     for (k, kind) in LobeKind::iter().enumerate() {
         let truth = True { kind, rho_s: if kind.has_index() { 0.9 } else { 0.05 }, ..PLAIN };
-        for (directions, noise) in [(&many, [1e-3, 0.0]), (&many, [3e-4, 0.01]), (&few, [1e-3, 0.0]), (&few, [0.0, 0.02])] {
+        for (directions, noise) in
+            [(&many, [1e-3, 0.0]), (&many, [3e-4, 0.01]), (&few, [1e-3, 0.0]), (&few, [0.0, 0.02])]
+        {
             for seed in 0..14 {
                 let f = one(&truth.table(directions, noise, 1000 * k as u64 + seed), kind);
                 runs += 1;
@@ -174,7 +177,10 @@ fn azimuths_count_from_one_axis() {
     let samples = PLAIN.table(&directions, [0.0; 2], 0);
     let f = fit(&samples, &with(Surface::Of(LobeKind::Beckmann))).unwrap();
     let near = |a: f64, b: f64| (a - b).abs() < 1e-6;
-    assert!(near(f.m, PLAIN.m) && near(f.rho_s, PLAIN.rho_s) && (0..2).all(|k| near(f.tilt[k], PLAIN.tilt[k])), "{f:?}");
+    assert!(
+        near(f.m, PLAIN.m) && near(f.rho_s, PLAIN.rho_s) && (0..2).all(|k| near(f.tilt[k], PLAIN.tilt[k])),
+        "{f:?}"
+    );
     // A negative zenith angle lies opposite.
     let a = Sample::from_angles(0.5, -0.3, 1.0, vec![]);
     let b = Sample::from_angles(0.5, 0.3, 1.0 + PI, vec![]);
@@ -248,7 +254,8 @@ fn impossible_leaves_are_not_ok() {
     assert!(said.starts_with("undetermined: ") && said.contains("--mirror-azimuth 0"), "{said}");
     // The mirror side on the other side of a low source: a lean of 12° only, straight towards the source.
     let low = PLAIN.table(&rings(&[12.0]), [2e-4, 0.0], 2);
-    let low: Vec<Sample> = low.iter().map(|s| Sample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() }).collect();
+    let low: Vec<Sample> =
+        low.iter().map(|s| Sample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() }).collect();
     let said = status(&low, &Settings::default());
     assert!(said.contains("--mirror-azimuth 0"), "{said}");
 

@@ -1,7 +1,8 @@
 //! What a fitted leaf's row promises: whether its numbers are possible, whether the lobe describes it, and which values
 //! are determined.
 
-use super::{Leaf, Sample, SamplesFit, Settings, Surface, TILT, Tilts};
+use super::leaf::Leaf;
+use super::{Sample, SamplesFit, Settings, Surface, TILT, Tilts};
 use crate::gloss::normal_of;
 use mesophyll_files::table::Status;
 use mesophyll_optics::gloss::{LobeKind, dot};
@@ -67,7 +68,10 @@ impl Suspicion {
         };
         let mut why = String::new();
         if lean > LEANS {
-            why = format!("the normal leans by {:.0} degrees, more than that of a leaf that lies flat", lean.to_degrees());
+            why = format!(
+                "the normal leans by {:.0} degrees, more than that of a leaf that lies flat",
+                lean.to_degrees()
+            );
         }
         let mut guess = |text: &str| {
             why = if why.is_empty() { text.to_string() } else { format!("{why}: {text}") };
@@ -162,7 +166,10 @@ fn impossible(f: &SamplesFit, values: &[String], samples: &[Sample]) -> Option<S
     let (k, most) = f.rho_d.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
     let sure = |value: f64, error: f64| value - 2.0 * if error.is_finite() { error } else { 0.0 } > 1.0;
     if sure(*most, f.rho_d_err[k]) {
-        return Some(format!("{} reflects {most:.2} diffusely, more than all light: per cent? add --percent", values[k]));
+        return Some(format!(
+            "{} reflects {most:.2} diffusely, more than all light: per cent? add --percent",
+            values[k]
+        ));
     }
     // The source nearest to the zenith, where the lobe's albedo is the surest.
     let cos = samples.iter().map(|s| s.light[2]).fold(0.0, f64::max);
