@@ -57,10 +57,10 @@ impl TexelFitter {
             runs.push(run);
         }
         let count = residuals.len() as f64;
-        let pairs =
-            || runs.iter().flat_map(|run: &Vec<usize>| run.windows(2)).map(|p| residuals[p[0]] * residuals[p[1]]);
+        let pairs = runs.iter().flat_map(|run: &Vec<usize>| run.windows(2));
+        let along: f64 = pairs.map(|p| residuals[p[0]] * residuals[p[1]]).sum();
         let square: f64 = residuals.iter().map(|r| r * r).sum();
-        let agree = pairs().sum::<f64>() / (square / count).max(1e-12) / count.sqrt();
+        let agree = along / (square / count).max(1e-12) / count.sqrt();
         let excess = adequacy::chi2_score(square, (count - fit.parameters as f64).max(1.0));
         if agree < LOOK && excess < LOOK {
             return None;
