@@ -67,7 +67,9 @@ impl Suspicion {
             Sample { light: [across, 0.0, s.light[2]], ..s.clone() }
         };
         let mut why = String::new();
-        if lean > LEANS {
+        // A lobe that does not describe the leaf may lean for that.
+        let leans = lean > LEANS && f.misfit.is_none() && f.better.is_none();
+        if leans {
             why = format!(
                 "the normal leans by {:.0} degrees, more than that of a leaf that lies flat",
                 lean.to_degrees()
@@ -80,7 +82,7 @@ impl Suspicion {
             guess("is the mirror side at view azimuth 0? Then add --mirror-azimuth 0");
         } else if turned && better(&relative) {
             guess("are view azimuths counted from the source? Then leave source_azimuth_deg out");
-        } else if lean > LEANS {
+        } else if leans {
             guess("if it does lean so, add --mirror-azimuth 180");
         }
         Suspicion((!why.is_empty()).then_some(why))
