@@ -130,7 +130,10 @@ fn a_header_that_names_a_column_twice_or_an_output_is_an_error() {
         usage_error(form, &format!("{},{name}\n{},1\n", form.header, form.good), &["standard input", name, "twice"]);
         usage_error(form, &form.header.replacen(name, "elsewhere", 1), &["standard input"]);
         usage_error(form, "", &["standard input", "no header line"]);
-        usage_error(form, &form.header.replace(',', ";"), &["standard input"]);
+        // Semicolons separate as well as commas.
+        let out = run(&form.args, format!("{}\n{}\n", form.header, form.good).replace(',', ";").as_bytes());
+        let rows = String::from_utf8(out.stdout).unwrap();
+        assert!(out.status.success() && rows.lines().count() == 2 && rows.starts_with("note,"), "{rows}");
         if form.args[0] == "fit" && form.args[1] == "slab" {
             usage_error(form, &format!("{},sigma_a\n", form.header), &["sigma_a", "already has"]);
         }
@@ -169,6 +172,29 @@ fn another_encoding_stops_no_batch() {
             "{}",
             String::from_utf8_lossy(&out.stderr)
         );
+    });
+}
+
+/// Every form gives the same answer whichever line ends the table has, and behind comments.
+#[test]
+fn line_ends_and_comments_change_no_answer() {
+    with_forms(|form| {
+        let Form { args, header, good } = form;
+        let lines = [header, good, good, good];
+        let with = |ends: [&str; 4], before: &str| {
+            let rows: String = lines.iter().zip(ends).map(|(line, end)| format!("{line}{end}")).collect();
+            let out = run(args, format!("{before}{rows}").as_bytes());
+            assert_eq!(out.status.code(), Some(0), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+            String::from_utf8(out.stdout).unwrap()
+        };
+        let plain = with(["\n"; 4], "");
+        assert_eq!(plain.lines().count(), 4);
+        for ends in
+            [["\r"; 4], ["\r\n"; 4], ["\r", "\r", "\n", "\n"], ["\n", "\r", "\r\n", ""], ["\r", "\n", "\n", "\r"]]
+        {
+            assert_eq!(with(ends, ""), plain, "{args:?}: {ends:?}");
+            assert_eq!(with(ends, "# made by a program, at noon\r\n\r\n"), plain, "{args:?}: {ends:?}");
+        }
     });
 }
 

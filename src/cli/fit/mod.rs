@@ -16,6 +16,7 @@ pub mod leaf;
 pub mod motion;
 pub mod sky;
 pub mod slab;
+mod spectra;
 pub mod tissue;
 pub mod transfer;
 pub mod translucency;

@@ -1,13 +1,13 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
-use super::foliar::{Column, column};
+use super::spectra::{self, LEAF, Shares};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::progress;
-use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Table, counted};
 use mesophyll_files::unit::Unit;
+use mesophyll_files::{atomic, progress};
 use mesophyll_fit::slab::{self, Measured, Options};
 use mesophyll_optics::slab::inverse::Precision;
 use mesophyll_report::spectrum::{self, Line, Panel};
@@ -47,6 +47,9 @@ pub struct Args {
     /// some 0.03 to 0.05 where the instrument kept the mirror reflection
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
+    /// Reflectances and transmittances, and their errors, are in per cent; --noise stays a share of 1
+    #[arg(long)]
+    percent: bool,
     /// Draw σa and σs over wavelength into this folder, a picture a leaf; the table needs a column `leaf` (or
     /// `leaf_id`) and wavelengths
     #[arg(long, value_name = "DIR")]
@@ -56,8 +59,6 @@ pub struct Args {
 /// Units of thicknesses.
 const UNITS: [&str; 3] = ["um", "mm", "m"];
 
-/// Names of the column with the leaf's name; the first one that exists is used.
-const LEAF: [&str; 2] = ["leaf", "leaf_id"];
 const WAVELENGTH: &str = "wavelength_nm";
 
 /// One picture for each leaf, in order of first appearance. The rows may be in any order; each has its number, leaf,
@@ -110,14 +111,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !(0.0..1.0).contains(&args.surface) {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
-    let table = Table::open(&args.io.input)?;
-    let names = column_names(&args.columns, &table)?;
+    let table = spectra::open(&args.io.input)?;
+    let mut names = column_names(&args.columns, &table)?;
+    spectra::find(&table, &INPUTS, &mut names)?;
     let wide = if table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
-        wavelengths(&table)
+        wavelengths(&table)?
     } else {
         Vec::new()
     };
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
+    let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
     let mut spec = Spec {
         texts: vec![leaf.into()],
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
@@ -125,7 +128,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     };
     if wide.is_empty() {
         spec.required = names[..3].to_vec();
-        spec.optional = names[3..].iter().cloned().chain(args.plots.iter().map(|_| WAVELENGTH.into())).collect();
+        spec.optional = names[3..].iter().cloned().chain(args.plots.iter().map(|_| wavelength.clone())).collect();
         for (name, column) in INPUTS.iter().zip(&names).skip(3) {
             if name != column {
                 table.require(column)?;
@@ -135,14 +138,24 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         spec.required = vec![names[2].clone()];
         spec.optional = wide.iter().flat_map(|(_, columns)| columns.clone()).collect();
         spec.dropped = spec.optional.clone();
+        spec.readings = spec.optional.clone();
         spec.outputs.insert(0, WAVELENGTH.into());
         spec.whole.push(WAVELENGTH.into());
     }
-    if args.plots.is_some() {
+    let of_wide = |range: std::ops::Range<usize>| wide.iter().flat_map(move |(_, c)| c[range.clone()].to_vec());
+    let readings: Vec<String> = names[..2].iter().cloned().chain(of_wide(0..2)).collect();
+    let errors = names[3..5].iter().cloned().chain(of_wide(2..4));
+    spec.physical = vec![
+        Physical::shares(readings.clone()),
+        Physical::not_negative(errors.chain([names[2].clone(), wavelength.clone()]).collect()),
+    ];
+    let shares = Shares::of(&table, &readings, args.percent)?;
+    if let Some(folder) = &args.plots {
         table.require(leaf)?;
         if wide.is_empty() {
-            table.require(WAVELENGTH)?;
+            table.require(&wavelength)?;
         }
+        atomic::probe_folder(folder)?;
     }
     let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
     let options = Options { precision: args.method, noise: args.noise, surface: args.surface };
@@ -156,13 +169,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         wide.iter().any(|(_, columns)| columns[2..].iter().any(|name| table.column(name).is_some()))
     };
     let without_errors = AtomicUsize::new(0);
-    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
+    let tally = batch.run(|row, out| {
         let thickness = row.get(if wide.is_empty() { 2 } else { 0 });
         if unit.is_none() && thickness > 0.0 && !(LEAVES_MM[0]..=LEAVES_MM[1]).contains(&thickness) {
             out.push(Answer::refused(not_in_mm(&column, thickness)));
             return;
         }
-        let fitted = |wavelength: f64, [rho_d, rho_t, rho_d_err, rho_t_err]: [f64; 4]| {
+        let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String]| {
+            if let Some(why) = shares.refuse(columns.iter().map(String::as_str).zip(cells).take(2)) {
+                return Answer::refused(why);
+            }
+            let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);
             let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err };
             let answer = slab::answer(&options, &m);
             if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
@@ -176,14 +194,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             answer
         };
         if wide.is_empty() {
-            let wavelength = if args.plots.is_some() { row.get(5) } else { f64::NAN };
-            out.push(fitted(wavelength, [0, 1, 3, 4].map(|k| row.get(k))));
+            let wavelength = if args.plots.is_some() { unit_nm * row.get(5) } else { f64::NAN };
+            out.push(fitted(wavelength, [0, 1, 3, 4].map(|k| row.get(k)), &names));
         }
         for (k, (wavelength, columns)) in wide.iter().enumerate() {
             let cells: [f64; 4] = std::array::from_fn(|c| row.get(1 + 4 * k + c));
-            let Answer { mut values, status } = match cells[..2].iter().position(|v| v.is_nan()) {
-                Some(empty) => Answer::refused(format!("{} is empty", columns[empty])),
-                None => fitted(*wavelength, cells),
+            let bad = row.faults().find(|(place, _)| (1 + 4 * k..5 + 4 * k).contains(place));
+            let Answer { mut values, status } = match (bad, cells[..2].iter().position(|v| v.is_nan())) {
+                (Some((_, why)), _) => Answer::refused(why),
+                (None, Some(empty)) => Answer::refused(format!("{} is empty", columns[empty])),
+                (None, None) => fitted(*wavelength, cells, columns),
             };
             // A row without numbers still says which leaf and wavelength it belongs to.
             values.resize(slab::OUTPUTS.len(), f64::NAN);
@@ -250,19 +270,28 @@ fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
 
 /// The wavelengths of a table in wide form, ascending: those with a reflectance (`R550`) and a transmittance (`T550`),
 /// with the columns of both and of their errors.
-fn wavelengths(table: &Table) -> Vec<(f64, [String; 4])> {
-    let columns: Vec<Column> = table.header.iter().filter_map(|name| column(name)).filter(|c| !c.abaxial).collect();
-    let mut found: Vec<(f64, [String; 4])> = columns
+fn wavelengths(table: &Table) -> Result<Vec<(f64, [String; 4])>> {
+    let found = spectra::wide(table);
+    let columns: Vec<_> = found.readings.iter().filter(|c| !c.is_abaxial()).collect();
+    let mut pairs: Vec<(f64, [String; 4])> = columns
         .iter()
         .filter(|r| !r.through)
         .filter_map(|r| {
             let t = columns.iter().find(|t| t.through && t.wavelength == r.wavelength)?;
-            let error = |name: &str| format!("{name}_err");
-            Some((r.wavelength, [r.name.clone(), t.name.clone(), error(&r.name), error(&t.name)]))
+            Some((r.wavelength, [r.name.clone(), t.name.clone(), r.error.clone(), t.error.clone()]))
         })
         .collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let one = columns.first().filter(|_| pairs.is_empty()).map(|c| if c.through { "T" } else { "R" });
+    if let Some(one) = one {
+        let what =
+            format!("its columns hold {one} alone; expected R and T at the same wavelengths, such as R450 and T450");
+        return Err(Error::input(table.name(), what));
+    }
+    if pairs.is_empty() && spectra::has_others(&found) {
+        return Err(spectra::nothing(table, &found, "fit slab takes columns R450, T450 and so on, or R and T"));
+    }
+    Ok(pairs)
 }
 
 /// The input's column for each of [`INPUTS`].

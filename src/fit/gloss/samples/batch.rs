@@ -5,7 +5,7 @@ use super::verdict::{self, Suspicion};
 use super::{Sample, SamplesFit, Settings, Surface, fit};
 use crate::Result;
 use mesophyll_files::progress;
-use mesophyll_files::table::{Answer, Groups, Output, Spec, Table, Tally};
+use mesophyll_files::table::{Answer, Groups, Output, Physical, Spec, Table, Tally};
 use mesophyll_optics::gloss::LobeKind;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -13,6 +13,8 @@ use strum::IntoEnumIterator;
 
 /// Leaves that are spoken of on standard error; of more, only the number.
 const SPOKEN: usize = 30;
+/// Readings outside are marks of a missing one; they may be in per cent and of a mirror.
+const POSSIBLE: [f64; 2] = [-0.9, 1e4];
 
 /// `fit gloss --samples`: reads all rows, groups them by `leaf`, and writes one row for each leaf in the order in which
 /// leaves first appear. What was left out of a leaf, and which lobe was chosen by how much, is said on standard error.
@@ -26,42 +28,42 @@ pub fn run(table: Table, output: &Output, values: &[String], settings: &Settings
         required: columns.required(),
         optional: columns.values.clone(),
         outputs: outputs(&columns.values, settings),
+        readings: columns.values.clone(),
+        physical: vec![Physical { columns: columns.values.clone(), range: POSSIBLE }],
         ..Spec::default()
     };
-    let said: Mutex<BTreeMap<String, Vec<String>>> = Mutex::default();
+    let chosen: Mutex<BTreeMap<String, String>> = Mutex::default();
     let groups = Groups::read(table, &spec, "leaf")?;
-    let tally = groups.run(output, &spec, |name, rows| {
-        let (mut samples, mut left) = (Vec::new(), Vec::new());
+    let tally = groups.run(output, &spec, |name, rows, left| {
+        let mut samples = Vec::new();
+        let mut worst = None;
         for row in rows {
             match columns.sample(&row.values, settings) {
                 Ok((sample, readings)) => {
                     samples.push(sample);
-                    left.extend(readings.into_iter().map(|why| format!("line {}: {why}", row.line)));
+                    readings.into_iter().for_each(|why| left.add(row.line, why));
                 }
-                Err(why) => left.push(format!("line {}: {why}", row.line)),
+                Err(why) => {
+                    worst = worst.or_else(|| Some(format!("line {}: {why}", row.line)));
+                    left.add(row.line, why);
+                }
             }
         }
         if samples.is_empty() {
-            return Answer::refused(left.into_iter().next().unwrap_or_else(|| "no readings".into()));
+            return Answer::refused(worst.unwrap_or_else(|| "no readings".into()));
         }
-        let (answer, chosen) = answered(&samples, &columns.values, settings);
-        let mut lines: Vec<String> = chosen.into_iter().collect();
-        if let Some(first) = left.first() {
-            lines.push(format!("{} left out, first {first}", left.len()));
-        }
-        if !lines.is_empty()
-            && let Ok(mut said) = said.lock()
-        {
-            said.insert(name.to_string(), lines);
+        let (answer, lobe) = answered(&samples, &columns.values, settings);
+        if let (Some(lobe), Ok(mut chosen)) = (lobe, chosen.lock()) {
+            chosen.insert(name.to_string(), lobe);
         }
         answer
     })?;
-    let said = said.into_inner().unwrap_or_default();
-    for name in groups.names().filter(|name| said.contains_key(*name)).take(SPOKEN) {
-        said[name].iter().for_each(|line| progress::say(format!("leaf {name}: {line}")));
+    let chosen = chosen.into_inner().unwrap_or_default();
+    for name in groups.names().filter(|name| chosen.contains_key(*name)).take(SPOKEN) {
+        progress::say(format!("leaf {name}: {}", chosen[name]));
     }
-    if said.len() > SPOKEN {
-        progress::say(format!("and {} more leaves", said.len() - SPOKEN));
+    if chosen.len() > SPOKEN {
+        progress::say(format!("and {} more leaves", chosen.len() - SPOKEN));
     }
     Ok(tally)
 }
