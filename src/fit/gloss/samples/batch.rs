@@ -29,7 +29,10 @@ pub fn run(table: Table, output: &Output, values: &[String], settings: &Settings
         optional: columns.values.clone(),
         outputs: outputs(&columns.values, settings),
         readings: columns.values.clone(),
-        physical: vec![Physical { columns: columns.values.clone(), range: POSSIBLE }],
+        physical: vec![
+            Physical { columns: columns.values.clone(), range: POSSIBLE },
+            Physical::degrees(columns.required()),
+        ],
         ..Spec::default()
     };
     let chosen: Mutex<BTreeMap<String, String>> = Mutex::default();
