@@ -26,7 +26,9 @@ pub(super) struct Judgement {
 pub(super) fn judge(samples: &[Sample], fit: &Residuals, tilts: [f64; 2], floor: f64) -> Judgement {
     let common = patterns(samples, &fit.common, tilts, floor);
     let contrasts = patterns(samples, &fit.contrasts, tilts, floor);
-    let widening = common.widening.iter().zip(&contrasts.widening).map(|(a, b)| a.max(*b)).collect();
+    // A single column has no contrasts.
+    let widening = common.widening.iter().enumerate().map(|(k, w)| contrasts.widening.get(k).map_or(*w, |c| w.max(*c)));
+    let widening = widening.collect();
     let between = contrasts.why.map(|why| format!("the gloss is not the same in all value columns: {why}"));
     Judgement { why: common.why.or(between).or_else(|| stray(samples, fit, floor)), widening }
 }
@@ -73,7 +75,8 @@ fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
     let grouped = |key: &dyn Fn(&Sample) -> Vec<f64>, by: &dyn Fn(&Sample) -> f64, least: usize| {
         let mut runs: Vec<(Vec<f64>, Vec<usize>)> = Vec::new();
         for &i in &all {
-            let key = key(of(&i));
+            // Different contrasts do not follow one another.
+            let key: Vec<f64> = key(of(&i)).into_iter().chain([part.which[i] as f64]).collect();
             let same = |other: &Vec<f64>| other.iter().zip(&key).all(|(a, b)| (a - b).abs() < SAME);
             match runs.iter_mut().find(|run| same(&run.0)) {
                 Some(run) => run.1.push(i),
@@ -100,15 +103,16 @@ fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
     add("angle from the mirror direction", whole);
     if all.len() >= 40 {
         // Fresnel's reflectance and masking depend on how obliquely the facets are met, where the lobe is bright.
-        let mut rings = grouped(&|_| Vec::new(), &from_mirror, 1).concat();
-        let count = rings.len().div_ceil(6);
-        rings.truncate(4 * count);
-        let sorted = |ring: &[usize]| {
-            let mut ring = ring.to_vec();
+        let rings = |run: Vec<usize>| {
+            let count = run.len().div_ceil(6);
+            run.chunks(count).take(4).map(<[usize]>::to_vec).collect::<Vec<_>>()
+        };
+        let rings: Vec<Vec<usize>> = grouped(&|_| Vec::new(), &from_mirror, 1).into_iter().flat_map(rings).collect();
+        let sorted = |mut ring: Vec<usize>| {
             ring.sort_by(|a, b| dot(of(b).light, of(b).view).total_cmp(&dot(of(a).light, of(a).view)));
             ring
         };
-        add("angle of incidence", rings.chunks(count).map(sorted).collect());
+        add("angle of incidence", rings.into_iter().map(sorted).collect());
     }
     out
 }

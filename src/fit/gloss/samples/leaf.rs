@@ -123,7 +123,7 @@ impl<'a> Leaf<'a> {
         } else {
             // The evidence is that of the likelier description of the scatter.
             self.fit.likelihood = self.fit.likelihood.max(fit.likelihood);
-            let widening = std::mem::take(&mut self.judgement.widening);
+            let widening = self.judgement.widening.iter().zip(&judgement.widening).map(|(a, b)| a.max(*b)).collect();
             self.judgement = Judgement { why: judgement.why, widening };
         }
     }
@@ -136,11 +136,10 @@ impl<'a> Leaf<'a> {
     /// What a tilt across would do, as a sentence.
     fn across(&self) -> String {
         const TRIED: f64 = 5.0;
-        let tilted = Problem { ..self.problem.clone() };
         let mut start = self.fit.p;
         start[2] = TRIED.to_radians();
-        let there = tilted.descend([start].into_iter());
-        let rho_s = tilted.at(&there[0].1).rho_s;
+        let there = self.problem.descend([start].into_iter());
+        let rho_s = self.problem.at(&there[0].1).rho_s;
         let change = 100.0 * (rho_s / self.fit.solved.rho_s - 1.0);
         let told = if change.is_finite() {
             format!("; {TRIED:.0} degrees would change rho_s by {change:+.1} %")

@@ -205,6 +205,9 @@ impl SamplesFit {
         for k in 0..2 {
             widen(&mut self.tilt_err[k], self.tilt[k], other.tilt[k]);
         }
+        if let (Some(a), Some(b)) = (self.lobe.index(), other.lobe.index()) {
+            widen(&mut self.index_err, a, b);
+        }
     }
 
     /// The angle between the normal and the vertical (rad).

@@ -24,6 +24,8 @@ pub(super) struct Part {
     pub rows: Vec<Vec<f64>>,
     /// The sample of each residual.
     pub sample: Vec<usize>,
+    /// Which of its direction's contrasts each residual is; 0 for a common part.
+    pub which: Vec<usize>,
     /// How many parameters this part alone determines.
     pub rank: usize,
 }
@@ -203,7 +205,8 @@ impl Residuals {
 fn turn(here: &[(f64, Vec<f64>)], sample: usize, common: &mut Part, contrasts: &mut Part) {
     let Some((first, rest)) = here.split_first() else { return };
     let mut sum = first.clone();
-    let add = |part: &mut Part, r: f64, row: Vec<f64>| {
+    let add = |part: &mut Part, which: usize, r: f64, row: Vec<f64>| {
+        part.which.push(which);
         part.r.push(r);
         part.rows.push(row);
         part.sample.push(sample);
@@ -212,12 +215,12 @@ fn turn(here: &[(f64, Vec<f64>)], sample: usize, common: &mut Part, contrasts: &
         let before = (j + 1) as f64;
         let length = (before * (before + 1.0)).sqrt();
         let turned = sum.1.iter().zip(row).map(|(s, x)| (s - before * x) / length).collect();
-        add(contrasts, (sum.0 - before * r) / length, turned);
+        add(contrasts, j, (sum.0 - before * r) / length, turned);
         sum.0 += r;
         sum.1.iter_mut().zip(row).for_each(|(s, x)| *s += x);
     }
     let root = (here.len() as f64).sqrt();
-    add(common, sum.0 / root, sum.1.iter().map(|s| s / root).collect());
+    add(common, 0, sum.0 / root, sum.1.iter().map(|s| s / root).collect());
 }
 
 /// Normal score of a ratio of variances with these degrees of freedom (E. Paulson, Ann. Math. Stat. 13 (1942), 233–235).
