@@ -91,9 +91,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     sink.write_all(format!("{}\n", COLUMNS.join(",")).as_bytes())?;
     let (cells, kind, mut taken_out, status) = match &found {
         Ok(motion) => (cells(motion, &known), motion.kind.to_string(), motion.taken_out.clone(), motion.status.clone()),
-        Err(why) => {
-            (vec![f64::NAN; COLUMNS.len() - 3], String::new(), Vec::new(), Status::Refused(why.clone()))
-        }
+        Err(why) => (vec![f64::NAN; COLUMNS.len() - 3], String::new(), Vec::new(), Status::Refused(why.clone())),
     };
     taken_out.splice(0..0, reading.notes);
     let mut line = Vec::new();

@@ -111,11 +111,8 @@ fn ahead(gusts: &Gusts, decay: &Decay, record: &Record, known: &Known) -> f64 {
 /// The status that leaves open all values for which `which` holds.
 fn open(motion: &Motion, which: impl Fn(&Value) -> bool, why: &str) -> Status {
     let gains = ["gain_u_mm_per_sqrt_hz", "gain_v_mm_per_sqrt_hz"].into_iter().zip(motion.gains.iter().copied());
-    let named = [
-        ("resonance_hz", motion.resonance),
-        ("damping_per_s", motion.damping),
-        ("damping_ratio", motion.ratio),
-    ];
+    let named =
+        [("resonance_hz", motion.resonance), ("damping_per_s", motion.damping), ("damping_ratio", motion.ratio)];
     let names: Vec<&str> =
         named.into_iter().chain(gains).filter(|(_, value)| which(value)).map(|(name, _)| name).collect();
     if names.is_empty() { Status::Ok } else { Status::Undetermined(format!("{} ({why})", names.join(" "))) }

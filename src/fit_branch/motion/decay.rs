@@ -72,6 +72,7 @@ pub fn fit(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, lea
             && found.adequacy.describes()
         {
             found.before = at;
+            found.wild.iter_mut().for_each(|(_, k)| *k += at);
             return Ok(found);
         }
     }
@@ -167,13 +168,7 @@ impl Used<'_> {
 }
 
 /// The fit without readings that are far off it while their neighbours are not.
-fn oscillation(
-    channels: &[Vec<f64>],
-    step: f64,
-    known: &Known,
-    resolution: f64,
-    least: f64,
-) -> Result<Decay, String> {
+fn oscillation(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least: f64) -> Result<Decay, String> {
     let mut left = channels.to_vec();
     let mut wild = Vec::new();
     let mut found = once(&left, step, known, resolution, least)?;
@@ -212,13 +207,7 @@ fn wildest(residuals: &[f64], resolution: f64) -> Vec<usize> {
     (0..residuals.len()).filter(wild).collect()
 }
 
-fn once(
-    channels: &[Vec<f64>],
-    step: f64,
-    known: &Known,
-    resolution: f64,
-    least: f64,
-) -> Result<Decay, String> {
+fn once(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least: f64) -> Result<Decay, String> {
     let n = channels.first().map_or(0, Vec::len);
     let one = |(c, readings): (usize, &Vec<f64>)| -> Vec<(usize, f64, f64, f64)> {
         let used = readings.iter().enumerate().filter(|(_, u)| !u.is_nan());

@@ -74,12 +74,16 @@ pub fn read(mut table: Table, rate: Option<f64>) -> Result<Reading> {
     let times = seconds(&rows, unit, &path, time)?;
     // Written seconds: what is left after the largest whole number that all have in common.
     let from: Vec<f64> = times.iter().map(|t| t - times[0]).collect();
-    let size = rows.stamps.iter().map(|s| if let Stamp::Number(t) = s { t.abs() * unit } else { 0.0 }).fold(0.0, f64::max);
+    let size =
+        rows.stamps.iter().map(|s| if let Stamp::Number(t) = s { t.abs() * unit } else { 0.0 }).fold(0.0, f64::max);
     let coarse = resolution(&from, size).min(1.0);
     let fault = |k: usize, what: String| Error::field(&path, &format!("line {}: {time}", rows.lines[k]), what);
     let last = n - 1;
     if !(from[last] > 0.0) && rate.is_none() {
-        return Err(fault(last, format!("found {}, expected times that rise from line {} on", rows.shown(last), rows.lines[0])));
+        return Err(fault(
+            last,
+            format!("found {}, expected times that rise from line {} on", rows.shown(last), rows.lines[0]),
+        ));
     }
     let grid = grid::find(&from, coarse, rate.map(|r| 1.0 / r)).map_err(|why| Error::field(&path, time, why))?;
     let back: Vec<usize> = (0..n).filter(|k| grid.places[*k].is_none()).collect();
@@ -102,7 +106,10 @@ pub fn read(mut table: Table, rate: Option<f64>) -> Result<Reading> {
     let size = 1 + grid.places.iter().rev().find_map(|p| *p).unwrap_or(0);
     if size > SPARSE * n {
         let (k, gap) = longest(&grid, &from);
-        let what = format!("found a gap of {gap:.3} s; readings are {:.6} s apart: give the parts of the record one by one", grid.step);
+        let what = format!(
+            "found a gap of {gap:.3} s; readings are {:.6} s apart: give the parts of the record one by one",
+            grid.step
+        );
         return Err(fault(k, what));
     }
     let mut record =
@@ -120,7 +127,15 @@ pub fn read(mut table: Table, rate: Option<f64>) -> Result<Reading> {
 }
 
 /// What was left out.
-fn notes(rows: &Rows, grid: &grid::Grid, back: &[usize], times: &[f64], stated: bool, coarse: f64, time: &str) -> Vec<String> {
+fn notes(
+    rows: &Rows,
+    grid: &grid::Grid,
+    back: &[usize],
+    times: &[f64],
+    stated: bool,
+    coarse: f64,
+    time: &str,
+) -> Vec<String> {
     let mut out = Vec::new();
     let mut say = |count: usize, what: &str, first: String| {
         if count > 0 {
@@ -135,9 +150,18 @@ fn notes(rows: &Rows, grid: &grid::Grid, back: &[usize], times: &[f64], stated: 
     let missing = size - grid.places.iter().flatten().count();
     let (k, gap) = longest(grid, times);
     say(missing, "time without a row", format!("the longest gap, {gap:.3} s, ends on line {}", rows.lines[k]));
-    say(back.len(), "row whose time repeats or goes back", back.first().map_or(String::new(), |k| {
-        format!("the first on line {}: {time} {} after {}", rows.lines[*k], rows.shown(*k), rows.shown(k.saturating_sub(1)))
-    }));
+    say(
+        back.len(),
+        "row whose time repeats or goes back",
+        back.first().map_or(String::new(), |k| {
+            format!(
+                "the first on line {}: {time} {} after {}",
+                rows.lines[*k],
+                rows.shown(*k),
+                rows.shown(k.saturating_sub(1))
+            )
+        }),
+    );
     say(rows.lost.0, "row that cannot be read", rows.lost.1.clone().unwrap_or_default());
     say(rows.odd.0, "cell that is no number", rows.odd.1.clone().unwrap_or_default());
     let empty = |c: &Vec<f64>| c.iter().filter(|v| v.is_nan()).count();
@@ -219,7 +243,9 @@ impl Rows {
     fn shown(&self, k: usize) -> String {
         match self.stamps[k] {
             Stamp::Number(t) => t.to_string(),
-            Stamp::OfDay(t) => format!("{:02.0}:{:02.0}:{:06.3}", (t / 3600.0).floor(), (t / 60.0).floor() % 60.0, t % 60.0),
+            Stamp::OfDay(t) => {
+                format!("{:02.0}:{:02.0}:{:06.3}", (t / 3600.0).floor(), (t / 60.0).floor() % 60.0, t % 60.0)
+            }
             Stamp::Dated(..) => format!("{:.3} s after the first", self.stamps[k].after(&self.stamps[0], 1.0)),
         }
     }
@@ -230,7 +256,11 @@ fn seconds(rows: &Rows, unit: f64, path: &Path, time: &str) -> Result<Vec<f64>> 
     let same = |a: &Stamp, b: &Stamp| std::mem::discriminant(a) == std::mem::discriminant(b);
     if let Some(k) = rows.stamps.iter().position(|s| !same(s, &rows.stamps[0])) {
         let field = format!("line {}: {time}", rows.lines[k]);
-        return Err(Error::field(path, &field, "found a time in another form than in the first row; expected one form"));
+        return Err(Error::field(
+            path,
+            &field,
+            "found a time in another form than in the first row; expected one form",
+        ));
     }
     let mut days = 0.0;
     let mut before = f64::NEG_INFINITY;

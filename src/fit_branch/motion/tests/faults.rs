@@ -78,7 +78,10 @@ fn wild_readings_are_left_out() {
         assert!(rms < 1.5, "{size} {count}: {rms}");
     }
     let mut rng = Pcg64::seed_from_u64(1);
-    let wild = swaying(4096, 1).iter().map(|r| r + if rng.random::<f64>() < 0.05 { 100.0 * normal(&mut rng) } else { 0.0 }).collect();
+    let wild = swaying(4096, 1)
+        .iter()
+        .map(|r| r + if rng.random::<f64>() < 0.05 { 100.0 * normal(&mut rng) } else { 0.0 })
+        .collect();
     let found = fit(&of(STEP, wild), &white()).unwrap();
     assert!(found.status.leaves_open("damping_per_s") && found.status.to_string().contains("are wild"), "{found:?}");
     // Readings that are right are left alone.
@@ -100,7 +103,8 @@ fn gaps_do_not_matter() {
         r
     });
     assert!(dropped < 1.5 && paused < 1.5, "{dropped} {paused}");
-    let mostly: Vec<f64> = swaying(4096, 1).into_iter().enumerate().map(|(k, r)| if k % 3 == 0 { r } else { f64::NAN }).collect();
+    let mostly: Vec<f64> =
+        swaying(4096, 1).into_iter().enumerate().map(|(k, r)| if k % 3 == 0 { r } else { f64::NAN }).collect();
     assert!(fit(&of(STEP, mostly), &white()).unwrap_err().contains("expected half of them or more"));
 }
 
@@ -158,7 +162,10 @@ fn times(rate: f64, n: usize, dropped: &[usize], written: impl Fn(f64) -> String
     assert!((found.record.step * rate - 1.0).abs() < 1e-3, "{} {rate}", found.record.step);
     for k in 0..n {
         let reading = u.get(k).copied().unwrap_or(f64::NAN);
-        assert!(dropped.contains(&k) == reading.is_nan() && !((reading - (k as f64 * 0.37).sin()).abs() > 1e-12), "{k}");
+        assert!(
+            dropped.contains(&k) == reading.is_nan() && !((reading - (k as f64 * 0.37).sin()).abs() > 1e-12),
+            "{k}"
+        );
     }
     found
 }
@@ -170,9 +177,15 @@ fn times_that_loggers_write_are_put_on_a_grid() {
     let day = |t: f64| {
         // 20 seconds before midnight.
         let t = (86_380.0 + t) % 86_400.0;
-        format!("{:02.0}:{:02.0}:{:06.3}", (t / 3600.0).floor(), (t / 60.0).floor() % 60.0, ((t % 60.0) * 1e3).floor() / 1e3)
+        format!(
+            "{:02.0}:{:02.0}:{:06.3}",
+            (t / 3600.0).floor(),
+            (t / 60.0).floor() % 60.0,
+            ((t % 60.0) * 1e3).floor() / 1e3
+        )
     };
-    let dated = |t: f64| format!("2026-05-01T12:{:02.0}:{:06.3}Z", (t / 60.0).floor(), ((t % 60.0) * 1e3).floor() / 1e3);
+    let dated =
+        |t: f64| format!("2026-05-01T12:{:02.0}:{:06.3}Z", (t / 60.0).floor(), ((t % 60.0) * 1e3).floor() / 1e3);
     let dropped = [5, 100, 101, 102, 777, 900];
     for gone in [&[][..], &dropped[..]] {
         times(30.0, 1500, gone, hundredths, None);
@@ -199,7 +212,12 @@ fn faults_of_a_table_are_named() {
         (0..500usize).map(move |j| if j == k { text.clone() } else { row(j) })
     };
     let header = "time_s,u_mm";
-    for (cell, note) in [("7.500,NA", "without a reading"), ("7.500,-9999", "without a reading"), ("7.500,?", "\"?\""), ("7.500", "1 fields")] {
+    for (cell, note) in [
+        ("7.500,NA", "without a reading"),
+        ("7.500,-9999", "without a reading"),
+        ("7.500,?", "\"?\""),
+        ("7.500", "1 fields"),
+    ] {
         let found = read(table(with(150, cell), header), None).unwrap();
         let at = &found.record.channels[0];
         assert!(at[150].is_nan() && at.len() == 500 && at.iter().filter(|r| r.is_nan()).count() == 1, "{cell}");
@@ -210,14 +228,17 @@ fn faults_of_a_table_are_named() {
     assert!(found.notes.iter().any(|n| n.contains("goes back") && n.contains("line 152")), "{:?}", found.notes);
     let failed = |rows: Vec<String>| read(table(rows, header), None).unwrap_err().to_string();
     // The gap is on line 302, and its length is said.
-    let late = (0..500usize).map(|k| format!("{:.3},1", k as f64 * 0.05 + if k >= 300 { 9000.0 } else { 0.0 })).collect();
+    let late =
+        (0..500usize).map(|k| format!("{:.3},1", k as f64 * 0.05 + if k >= 300 { 9000.0 } else { 0.0 })).collect();
     let why = failed(late);
     assert!(why.contains("line 302") && why.contains("9000.050"), "{why}");
     let back = (0..500usize).map(|k| format!("{:.3},1", (k % 250) as f64 * 0.05)).collect();
     let why = failed(back);
     assert!(why.contains("line 252") && why.contains("after 12.45"), "{why}");
     let mut rng = Pcg64::seed_from_u64(3);
-    let ragged = (0..500usize).map(|k| format!("{:.3},1", k as f64 * 0.05 + 0.015 * normal(&mut rng).clamp(-1.0, 1.0))).collect();
+    let ragged = (0..500usize)
+        .map(|k| format!("{:.3},1", k as f64 * 0.05 + 0.015 * normal(&mut rng).clamp(-1.0, 1.0)))
+        .collect();
     assert!(failed(ragged).contains("--rate"));
     assert!(failed(vec!["1,1".into(), "1,2".into(), "1,3".into()]).contains("times that rise"));
     assert!(failed(vec!["a,1".into(), "b,2".into()]).contains("line 2: time_s"));

@@ -79,7 +79,8 @@ fn other_decays_are_not_called_found() {
         v += 0.000_25 * (-(TAU * 1.2f64).powi(2) * x - 0.2 * v - 0.005 * v.abs() * v);
         x += 0.000_25 * v;
     }
-    let pushed: Vec<f64> = one(1.2, 0.5, 30.0).iter().zip(stepped(1.2, 0.5, 30.0, 0.05, 600, 3)).map(|(a, b)| a + b).collect();
+    let pushed: Vec<f64> =
+        one(1.2, 0.5, 30.0).iter().zip(stepped(1.2, 0.5, 30.0, 0.05, 600, 3)).map(|(a, b)| a + b).collect();
     for (name, motion) in [("modes", modes), ("drag", dragged), ("gusts", pushed)] {
         let found = fit(&record(0.05, vec![noisy(motion, 0.05, 1)]), &Known::default()).unwrap();
         let Status::Undetermined(why) = &found.status else { panic!("{name}: {found:?}") };

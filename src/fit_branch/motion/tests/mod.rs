@@ -19,7 +19,7 @@ fn normal(rng: &mut Pcg64) -> f64 {
 fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
     // So many steps between readings that each turns the oscillation by less than .03 (rounding of steps is then below 1e-4).
-    let sub = 20.max((TAU * f * step / 0.03).ceil() as u32);
+    let sub = 20u32.max((TAU * f * step / 0.03).ceil() as u32);
     let (dt, omega2) = (step / f64::from(sub), (TAU * f).powi(2));
     let (mut x, mut v) = (0.0, 0.0);
     let mut out = Vec::with_capacity(n);
@@ -130,8 +130,18 @@ fn try_files() {
         match fit(&reading.record, &Known { kind, band: [None, highest], ..Known::default() }) {
             Ok(m) => println!(
                 "{name:14} {:.4}±{:.4} ratio {:.4}±{:.4} dev {:.2} n {} [{}: {}] {} | {} | {} ({:.2} s)",
-                m.resonance.value, m.resonance.error, m.ratio.value, m.ratio.error, m.deviance, m.bins, m.kind, m.why,
-                m.status, reading.notes.join("; "), m.taken_out.join("; "), clock.elapsed().as_secs_f64()
+                m.resonance.value,
+                m.resonance.error,
+                m.ratio.value,
+                m.ratio.error,
+                m.deviance,
+                m.bins,
+                m.kind,
+                m.why,
+                m.status,
+                reading.notes.join("; "),
+                m.taken_out.join("; "),
+                clock.elapsed().as_secs_f64()
             ),
             Err(e) => println!("{name:14} refused {e} | {}", reading.notes.join("; ")),
         }
