@@ -16,8 +16,8 @@
 //! ≤ π, and a level branch never bends beyond the vertical; so there is one curve for each load that is reached from
 //! rest, and Newton's method finds it. θ is a polynomial of degree 10 in each of a few elements of the taper's own
 //! coordinate y ([`crate::taper`]), in which it is smooth up to the tip of any taper. Places and angles are within
-//! 1e-9 of the length, and of a radian, for tapers from 1e-3 to [`crate::beam::TAPER_MAX`] and tips that move by up to
-//! .8 of the length.
+//! 1e-9 of the length, and of a radian, for tapers from .03 to [`crate::beam::TAPER_MAX`] and tips that move by up to .8
+//! of the length; within 1e-6 for tapers from 1e-3.
 //!
 //! Limits: no shear (the branch at least 15 times as long as thick), no stretching, wood that stays elastic, and a
 //! root that holds.
@@ -38,6 +38,8 @@ const POINTS: usize = 14;
 const ELEMENTS: [usize; 2] = [6, 14];
 /// The amplitude A from which on the root is bent sharply: the tip of an untapered branch moves by half of its length.
 const SHARP: f64 = 4.0;
+/// Slope at most of the line on which a branch is continued beyond its tip.
+const STEEP: f64 = 3.0;
 /// Newton steps at most; five are usual.
 const STEPS: usize = 60;
 
@@ -284,11 +286,11 @@ impl Elastica {
     }
 
     /// The point below the place `x` of the straight axis. Beyond the tip, which a bent branch does not bring as far
-    /// as its length, it is on the tip's tangent.
+    /// as its length, it is on the tip's tangent, or on a line less steep where the tip hangs.
     pub fn below(&self, x: f64) -> Bent<f64> {
         let tip = self.at_coordinate(1.0);
         if x >= tip.along {
-            let across = tip.across + (x - tip.along) * tip.sin / tip.cos.max(f64::EPSILON);
+            let across = tip.across + (x - tip.along) * (tip.sin / tip.cos.max(f64::EPSILON)).clamp(-STEEP, STEEP);
             return Bent { along: x, across, ..tip };
         }
         let (mut low, mut high) = (0.0, 1.0);
