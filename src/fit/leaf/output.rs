@@ -2,6 +2,7 @@
 //! previews.
 
 use crate::Result;
+use crate::leaf::faults::{Bias, Findings};
 use crate::leaf::blade::{self, Blade, Grid, glb};
 use crate::leaf::defect::OF_SCANS;
 use crate::leaf::held_out::{self, Judged, Splits};
@@ -16,8 +17,9 @@ use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{BLADE, File, fill, previews};
 use mesophyll_optics::side::Side;
+use mesophyll_record::fault::{Fault, Grade};
 use mesophyll_record::scan::Scan;
-use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
+use mesophyll_record::{DISCARDED, FitRecord, MIRROR, NOISE_SEEN, Param, READINGS, Residuals, Section};
 use std::path::Path;
 
 /// Writes options, gauges and defect names: everything in `fit.toml` that belongs to no single side.
@@ -70,6 +72,22 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     // The fit does not record where its capture lay.
     say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
     record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
+}
+
+/// Records the faults that were found, and takes them into account: what a wrong cause did to the texels widens their
+/// errors.
+pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level: &mut Level) {
+    for (fitted, bias) in done.iter_mut().zip(found.bias) {
+        fitted.bias = bias;
+    }
+    // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise from
+    // both.
+    let beside = found.noise.iter().flatten().copied().reduce(f64::max);
+    level.seen = match (level.seen, beside) {
+        (Some(seen), Some(beside)) if seen > 1.0 => Some(seen.min(beside.max(1.0))),
+        (seen, _) => seen,
+    };
+    record.faults = found.faults;
 }
 
 /// Reconstructs the blade from both sides' normals (the back's turned into the front's image).
@@ -125,7 +143,7 @@ pub fn side(
         write_exr(&File::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
     }
     let section =
-        Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth) };
+        Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth, &record.faults) };
     record.sections.insert(fitted.side.name().into(), section);
     Ok(())
 }
@@ -192,7 +210,20 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
                 Quantity::M => slope(fitted, &good, width, height),
                 _ => filled(fitted.maps.plane(quantity, c).unwrap_or_default().to_vec()),
             };
-            add(quantity, c, value, texels::error(&fitted.maps, quantity, c).to_vec());
+            let mut error = texels::error(&fitted.maps, quantity, c).to_vec();
+            let Bias { rho_d, rho_s, m, normal } = fitted.bias;
+            let (relative, absolute) = match quantity {
+                Quantity::RhoD => (rho_d, 0.0),
+                Quantity::RhoS => (rho_s, 0.0),
+                Quantity::M => (m, 0.0),
+                _ => (0.0, normal),
+            };
+            if relative + absolute > 0.0 {
+                for (error, value) in error.iter_mut().zip(&value) {
+                    *error = error.hypot(relative as f32 * value + absolute as f32);
+                }
+            }
+            add(quantity, c, value, error);
         }
     }
     for c in 0..3 {
@@ -228,7 +259,7 @@ fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32
     plane[0].iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
 }
 
-fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison) -> Section {
+fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison, faults: &[Fault]) -> Section {
     let m = &capture.manifest;
     let mut s = Section { figures: fitted.figures.clone(), truth: truth.errors, ..Section::default() };
     s.figures.extend(truth.figures);
@@ -241,8 +272,20 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     }
     let plane = |quantity| fitted.maps.scalar(quantity).unwrap_or_default();
     let undetermined = plane(Quantity::Undetermined);
-    let undetermined = fitted.at.iter().filter(|k| undetermined[**k as usize] != 0.0).count();
+    let spoils = |quantity: &str| faults.iter().find(|f| f.grade == Grade::Wrong && f.spoils(fitted.side.name(), quantity));
+    let undetermined = if spoils(Quantity::RhoS.name()).is_some() {
+        fitted.at.len()
+    } else {
+        fitted.at.iter().filter(|k| undetermined[**k as usize] != 0.0).count()
+    };
     s.counts.insert("gloss_undetermined".into(), undetermined);
+    let (_, freedom) = texels::chi2(&fitted.maps);
+    let discarded = texels::discarded(&fitted.maps);
+    let inside = || fitted.measured.mask.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| k);
+    let left_out: f64 = inside().map(|k| f64::from(discarded.get(k).copied().unwrap_or(0.0))).sum();
+    let used: f64 = inside().map(|k| f64::from(freedom[k].max(0.0))).sum();
+    s.counts.insert(DISCARDED.into(), left_out as usize);
+    s.counts.insert(READINGS.into(), (used + left_out) as usize);
     for (code, mask) in plane(Quantity::Termination).iter().zip(&fitted.measured.mask) {
         if *mask {
             *s.terminations.entry(texels::termination_name(*code).into()).or_default() += 1;
@@ -277,6 +320,9 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
         let undetermined = (0..3)
             .filter_map(|c| {
                 let name = quantity.channel(c);
+                if let Some(fault) = spoils(quantity.name()) {
+                    return Some(format!("{name}: {}", fault.says));
+                }
                 if let Some(chi2) = fitted.unexplained {
                     return Some(format!("{name}: the traces' residuals exceed the noise (reduced chi2 {chi2:.0})"));
                 }

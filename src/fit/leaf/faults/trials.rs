@@ -1,0 +1,551 @@
+//! Faults of the whole scan, found by trial. Where a leaf's traces are not explained, a few texels are fitted again
+//! under what could be wrong: another angle of the camera, another height of the tube, light that was not taken off, a
+//! coding of the frames, a pass in reverse. The cause that explains most of what is left is the likely one, and its
+//! amount is found on the way. Causes that explain it equally well are all named.
+
+use super::sample::{Readings, Sample};
+use crate::gloss::normal_slopes;
+use crate::leaf::held_out::{Predictor, Scratch, Texel};
+use mesophyll_capture::calibrate::white_response;
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::{Travel, Tube};
+use mesophyll_record::scan::Scan;
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+
+/// Texels that are fitted again.
+const TEXELS: usize = 40;
+/// Steps of a fit at most.
+const STEPS: usize = 14;
+/// A cause is named where it takes away at least this share of what χ² has above the noise.
+pub const EXPLAINS: f64 = 0.6;
+/// Causes whose share is smaller than the best one's by no more than this are named beside it.
+const TIE: f64 = 0.04;
+
+/// How frames or photographs may have been coded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Coding {
+    /// The curve of sRGB (IEC 61966-2-1).
+    Srgb,
+    /// A power of 1/2.2.
+    Gamma,
+}
+
+impl Coding {
+    /// The linear value of a coded one.
+    pub fn linear(self, value: f64) -> f64 {
+        match self {
+            Coding::Srgb if value <= 0.040_45 => value / 12.92,
+            Coding::Srgb => ((value + 0.055) / 1.055).powf(2.4),
+            Coding::Gamma => value.max(0.0).powf(2.2),
+        }
+    }
+
+    /// Its name in a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Coding::Srgb => "sRGB",
+            Coding::Gamma => "a gamma of 2.2",
+        }
+    }
+}
+
+/// What could be wrong with a scan, and by how much.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cause {
+    /// Nothing.
+    None,
+    /// `camera_deg` should be this.
+    Camera(f64),
+    /// `tube.height_mm`.
+    Height(f64),
+    /// `tube.length_mm`.
+    Length(f64),
+    /// `tube.radius_mm`.
+    Radius(f64),
+    /// `texel_mm`.
+    Texel(f64),
+    /// The tube of a pass stood this much farther (mm).
+    Zero(Travel, f64),
+    /// A constant of this size (calibrated) is in every reading.
+    Offset(f64),
+    /// A constant of this size (camera's values) is in frames and white frames.
+    Dark(f64),
+    /// Frames, or frames and white frames, are coded.
+    Coded(Coding, bool),
+    /// The frames of these passes run the other way.
+    Reversed(bool, bool),
+    /// The frames of each pass are those of the other.
+    Exchanged,
+    /// Columns run the other way.
+    Mirrored,
+    /// The surface's lobe is another one.
+    Surface(Lobe),
+    /// The light changed evenly by this share over the pass x, y, or both.
+    Drift(Option<Travel>, f64),
+}
+
+/// How far a quantity of the texels is from what it is under the right cause.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Bias {
+    /// Relative root mean square difference of ρd.
+    pub rho_d: f64,
+    /// Relative root mean square difference of ρs.
+    pub rho_s: f64,
+    /// Relative root mean square difference of m.
+    pub m: f64,
+    /// Root mean square difference of a component of the normal.
+    pub normal: f64,
+}
+
+/// What the trials of one side found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Reduced χ² of the texels as they were fitted.
+    pub before: f64,
+    /// Under the best cause.
+    pub after: f64,
+    /// The causes that explain it, best first; empty where none does.
+    pub causes: Vec<Cause>,
+    /// How far the fitted texels are from those under the best cause.
+    pub bias: Bias,
+}
+
+/// The scan's device and readings, and the texels that are fitted again.
+pub struct Trials<'a> {
+    scan: &'a Scan,
+    sample: &'a Sample,
+    /// Size of the texels' image (mm), for the white frames.
+    dark: Vec<[f64; 3]>,
+    chosen: Vec<usize>,
+    /// Readings that count: frames by pass.
+    used: Vec<Vec<bool>>,
+}
+
+/// Residuals' slopes: ρd and ρs a channel, ln m, two tilts.
+const PARAMETERS: usize = 9;
+type Vector = SVector<f64, PARAMETERS>;
+type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
+
+impl<'a> Trials<'a> {
+    /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel.
+    pub fn new(scan: &'a Scan, sample: &'a Sample, dark: Vec<[f64; 3]>, wrong: impl Fn(Travel, usize) -> bool) -> Self {
+        let step = sample.texels.len().div_ceil(TEXELS).max(1);
+        let chosen = (step / 2..sample.texels.len()).step_by(step).collect();
+        let used = sample.passes.iter().map(|p| (0..p.frames()).map(|k| !wrong(p.travel, k)).collect()).collect();
+        Trials { scan, sample, dark, chosen, used }
+    }
+
+    /// Tries every cause where the texels' χ² is above `noise` (in units of the stated variance) by more than chance.
+    pub fn run(&self) -> Outcome {
+        self.search(1.0)
+    }
+
+    /// The same where the noise is `noise` times the stated variance.
+    pub fn search(&self, noise: f64) -> Outcome {
+        let base = self.fit(Cause::None);
+        let mut out = Outcome { before: base.chi2, after: base.chi2, causes: Vec::new(), bias: Bias::default() };
+        let chance = 6.0 * (2.0 / base.freedom).sqrt() * noise;
+        let excess = base.chi2 - noise;
+        if !(excess > chance.max(0.05 * noise)) {
+            return out;
+        }
+        let mut tried: Vec<(f64, Cause)> = self.causes().into_iter().map(|cause| self.best(cause)).collect();
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let share = |chi2: f64| (base.chi2 - chi2) / excess;
+        let Some(&(best, cause)) = tried.first().filter(|t| share(t.0) > EXPLAINS) else { return out };
+        out.after = best;
+        out.causes =
+            tried.iter().filter(|t| share(t.0) > share(best) - TIE).map(|t| t.1).take(3).collect();
+        out.bias = bias(&base.texels, &self.fit(cause).texels);
+        out
+    }
+
+    /// Every cause that the scan may have, with a range of its amount where it has one.
+    fn causes(&self) -> Vec<Family> {
+        let scan = self.scan;
+        let both = self.sample.passes.len() == 2;
+        let grid = |from: f64, to: f64, count: usize| {
+            (0..count).map(|k| from + (to - from) * k as f64 / (count - 1) as f64).collect::<Vec<f64>>()
+        };
+        let scaled = |value: f64, list: &[f64]| list.iter().map(|f| f * value).collect::<Vec<f64>>();
+        let bright = f64::from(self.bright());
+        let mut list: Vec<Family> = vec![
+            (Cause::Camera, grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9)).into(),
+            (Cause::Height, scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6])).into(),
+            (Cause::Length, scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5])).into(),
+            (Cause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])).into(),
+            (Cause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])).into(),
+            ((|a| Cause::Drift(None, a)) as fn(f64) -> Cause, grid(-0.4, 0.4, 7)).into(),
+            ((|a| Cause::Drift(Some(Travel::X), a)) as fn(f64) -> Cause, grid(-0.4, 0.4, 7)).into(),
+            ((|d| Cause::Zero(Travel::X, d)) as fn(f64) -> Cause, scaled(scan.tube_height_mm, &[-0.3, -0.1, 0.0, 0.1, 0.3]))
+                .into(),
+            Cause::Reversed(true, false).into(),
+            Cause::Mirrored.into(),
+            Cause::Coded(Coding::Srgb, false).into(),
+            Cause::Coded(Coding::Gamma, false).into(),
+        ];
+        if scan.tube_radius_mm > 0.0 {
+            list.push((Cause::Radius, scaled(scan.tube_radius_mm, &[0.05, 0.5, 1.0, 2.0, 4.0, 8.0])).into());
+        }
+        if self.sample.passes.iter().any(|p| !p.gain.is_empty()) {
+            list.push(Cause::Coded(Coding::Srgb, true).into());
+            list.push(Cause::Coded(Coding::Gamma, true).into());
+            list.push((Cause::Dark, scaled(self.bright_raw(), &[-0.1, -0.03, 0.0, 0.03, 0.1, 0.2])).into());
+        }
+        if both {
+            list.push(Cause::Reversed(false, true).into());
+            list.push(Cause::Reversed(true, true).into());
+            list.push(Cause::Exchanged.into());
+            list.push(((|a| Cause::Drift(Some(Travel::Y), a)) as fn(f64) -> Cause, grid(-0.4, 0.4, 7)).into());
+            let zero = scaled(scan.tube_height_mm, &[-0.3, -0.1, 0.0, 0.1, 0.3]);
+            list.push(((|d| Cause::Zero(Travel::Y, d)) as fn(f64) -> Cause, zero).into());
+        }
+        let lobes = [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }];
+        list.extend(lobes.into_iter().filter(|l| l.name() != scan.lobe).map(|l| Cause::Surface(l).into()));
+        list
+    }
+
+    /// A bright reading, calibrated.
+    fn bright(&self) -> f32 {
+        let all = self.sample.passes.iter().flat_map(|p| &p.measured).flatten().copied();
+        let mut all: Vec<f32> = all.filter(|v| v.is_finite()).collect();
+        let at = all.len() * 9 / 10;
+        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(at, f32::total_cmp).1 }
+    }
+
+    /// The same as the camera saw it.
+    fn bright_raw(&self) -> f64 {
+        let gains = self.sample.passes.iter().flat_map(|p| &p.gain).flatten().copied().filter(|g| g.is_finite());
+        let (sum, count) = gains.fold((0.0, 0usize), |(s, n), g| (s + f64::from(g), n + 1));
+        f64::from(self.bright()) * sum / count.max(1) as f64
+    }
+
+    /// The best member of a family, and its χ².
+    fn best(&self, family: Family) -> (f64, Cause) {
+        let Family { of, grid } = family;
+        let cost = |x: f64| self.fit(of.at(x)).chi2;
+        let Some(grid) = grid else { return (cost(0.0), of.at(0.0)) };
+        let costs: Vec<f64> = grid.iter().map(|x| cost(*x)).collect();
+        let top = (0..grid.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
+        let (mut low, mut high) = (grid[top.saturating_sub(1)], grid[(top + 1).min(grid.len() - 1)]);
+        let mut best = (costs[top], grid[top]);
+        // Golden section.
+        for _ in 0..7 {
+            let (a, b) = (high - 0.618 * (high - low), low + 0.618 * (high - low));
+            let (at_a, at_b) = (cost(a), cost(b));
+            for (c, x) in [(at_a, a), (at_b, b)] {
+                if c < best.0 {
+                    best = (c, x);
+                }
+            }
+            if at_a < at_b { high = b } else { low = a }
+        }
+        (best.0, of.at(best.1))
+    }
+
+    /// Fits the chosen texels under a cause.
+    fn fit(&self, cause: Cause) -> Fits {
+        let scan = device(self.scan, cause);
+        let passes: Vec<Pass> = self.passes(cause, &scan);
+        let each: Vec<(f64, f64, Texel)> = self
+            .chosen
+            .par_iter()
+            .map_init(Scratch::default, |scratch, &n| self.fit_texel(scratch, n, cause, &scan, &passes))
+            .collect();
+        let freedom: f64 = each.iter().map(|e| e.1).sum();
+        Fits {
+            chi2: each.iter().map(|e| e.0).sum::<f64>() / freedom.max(1.0),
+            freedom,
+            texels: each.into_iter().map(|e| e.2).collect(),
+        }
+    }
+
+    /// The tube's places and the readings that belong to them.
+    fn passes(&self, cause: Cause, scan: &Scan) -> Vec<Pass<'_>> {
+        let count = self.sample.passes.len();
+        (0..count)
+            .map(|p| {
+                let own = &self.sample.passes[p];
+                let exchanged = cause == Cause::Exchanged && count == 2;
+                let (readings, used) = if exchanged {
+                    (&self.sample.passes[1 - p], &self.used[1 - p])
+                } else {
+                    (own, &self.used[p])
+                };
+                let mut positions = own.positions.clone();
+                let turned = matches!(cause, Cause::Reversed(x, y) if [x, y][own.travel as usize]);
+                if turned {
+                    positions.reverse();
+                }
+                if let Cause::Zero(travel, d) = cause
+                    && travel == own.travel
+                {
+                    positions.iter_mut().for_each(|x| *x += d);
+                }
+                positions.truncate(readings.frames());
+                Pass { predictor: Predictor::new(scan, own.travel, &positions), travel: own.travel, positions, readings, used }
+            })
+            .collect()
+    }
+
+    /// χ², degrees of freedom and the texel.
+    fn fit_texel(&self, scratch: &mut Scratch, n: usize, cause: Cause, scan: &Scan, passes: &[Pass]) -> (f64, f64, Texel) {
+        let at = place(self.sample.at[n], cause, self.scan);
+        let data: Vec<Data> = passes.iter().map(|pass| self.data(n, cause, scan, pass)).collect();
+        let readings: usize = data.iter().map(|d| d.iter().flatten().filter(|r| r[1] > 0.0).count()).sum();
+        let parameters = PARAMETERS - (2 - passes.len().min(2));
+        let level = Texel { m: 0.35, normal: [0.0, 0.0, 1.0], ..self.sample.fitted[n] };
+        let mut best: Option<(f64, Texel)> = None;
+        for start in [self.sample.fitted[n], level] {
+            let (chi2, texel) = descend(scratch, start, at, passes, &data);
+            if best.is_none_or(|b| chi2 < b.0) {
+                best = Some((chi2, texel));
+            }
+        }
+        let (chi2, texel) = best.unwrap_or((0.0, level));
+        (chi2, readings.saturating_sub(parameters).max(1) as f64, texel)
+    }
+
+    /// Readings of a texel in one pass under a cause, each with the inverse of its standard deviation (0: none).
+    fn data(&self, n: usize, cause: Cause, scan: &Scan, pass: &Pass) -> Data {
+        let frames = pass.positions.len();
+        let readings = pass.readings;
+        let at = self.sample.at[n];
+        let whites = !readings.gain.is_empty();
+        let moved = place(at, cause, self.scan);
+        (0..frames)
+            .map(|k| {
+                let measured = readings.measured[n * readings.frames() + k];
+                // The white sheet's response as it was taken, and as it is under the cause.
+                let (mut was, mut is) = (1.0, 1.0);
+                if whites {
+                    was = white_response(&self.scan.tube(), readings.travel, readings.positions[k], at);
+                    is = white_response(&scan.tube(), pass.travel, pass.positions[k], moved);
+                    if matches!(cause, Cause::Reversed(..) | Cause::Mirrored | Cause::Exchanged) {
+                        // The frames are in another order than their white frames.
+                        is = was;
+                    }
+                }
+                let drift = match cause {
+                    Cause::Drift(travel, a) if travel.is_none_or(|t| t == pass.travel) => {
+                        1.0 + a * (k as f64 / (frames - 1).max(1) as f64 - 0.5)
+                    }
+                    _ => 1.0,
+                };
+                std::array::from_fn(|c| {
+                    let y = f64::from(measured[c]);
+                    let sd = self.sample.noise[n].variance(c, y.max(0.0)).sqrt();
+                    if !y.is_finite() || !pass.used[k] {
+                        return [0.0, 0.0];
+                    }
+                    let gain = if whites { f64::from(readings.gain[n * readings.frames() + k][c]) } else { 1.0 };
+                    let dark = self.dark[n][c];
+                    let change = |y: f64| match cause {
+                        Cause::Offset(a) => y - a,
+                        Cause::Dark(b) => (y * gain - b) / (gain - b / was),
+                        Cause::Coded(coding, false) => {
+                            (coding.linear(y * gain + dark) - coding.linear(dark)) / gain
+                        }
+                        Cause::Coded(coding, true) => {
+                            let white = (coding.linear(gain * was + dark) - coding.linear(dark)) / was;
+                            (coding.linear(y * gain + dark) - coding.linear(dark)) / white
+                        }
+                        _ => y * is / was / drift,
+                    };
+                    // The noise changes with the readings: its slope is that of the change.
+                    let slope = (change(y + sd) - change(y - sd)) / (2.0 * sd);
+                    let value = change(y);
+                    let weight = 1.0 / (sd * slope.abs());
+                    if value.is_finite() && weight.is_finite() { [value, weight] } else { [0.0, 0.0] }
+                })
+            })
+            .collect()
+    }
+}
+
+/// A cause whose amount is open, or one without an amount.
+struct Family {
+    of: Kind,
+    grid: Option<Vec<f64>>,
+}
+
+enum Kind {
+    Of(fn(f64) -> Cause),
+    One(Cause),
+}
+
+impl Kind {
+    fn at(&self, x: f64) -> Cause {
+        match self {
+            Kind::Of(of) => of(x),
+            Kind::One(cause) => *cause,
+        }
+    }
+}
+
+impl From<(fn(f64) -> Cause, Vec<f64>)> for Family {
+    fn from((of, grid): (fn(f64) -> Cause, Vec<f64>)) -> Self {
+        Family { of: Kind::Of(of), grid: Some(grid) }
+    }
+}
+
+impl From<Cause> for Family {
+    fn from(cause: Cause) -> Self {
+        Family { of: Kind::One(cause), grid: None }
+    }
+}
+
+/// Value and inverse standard deviation, by frame and channel.
+type Data = Vec<[[f64; 2]; 3]>;
+
+struct Pass<'a> {
+    predictor: Predictor,
+    travel: Travel,
+    positions: Vec<f64>,
+    readings: &'a Readings,
+    used: &'a [bool],
+}
+
+struct Fits {
+    chi2: f64,
+    freedom: f64,
+    texels: Vec<Texel>,
+}
+
+/// The device under a cause.
+fn device(scan: &Scan, cause: Cause) -> Scan {
+    let mut scan = scan.clone();
+    match cause {
+        Cause::Camera(deg) => scan.camera_deg = deg,
+        Cause::Height(mm) => scan.tube_height_mm = mm,
+        Cause::Length(mm) => scan.tube_length_mm = mm,
+        Cause::Radius(mm) => scan.tube_radius_mm = mm.min(0.9 * scan.tube_height_mm),
+        Cause::Surface(lobe) => (scan.lobe, scan.lobe_index) = Scan::name_lobe(lobe),
+        _ => {}
+    }
+    scan
+}
+
+/// The place of a texel under a cause.
+fn place(at: [f64; 2], cause: Cause, scan: &Scan) -> [f64; 2] {
+    match cause {
+        Cause::Texel(mm) => at.map(|x| x * mm / scan.texel_mm),
+        Cause::Mirrored => [-at[0], at[1]],
+        _ => at,
+    }
+}
+
+/// Levenberg–Marquardt from `start`. Returns χ² and the texel.
+fn descend(scratch: &mut Scratch, start: Texel, at: [f64; 2], passes: &[Pass], data: &[Data]) -> (f64, Texel) {
+    let tilts = passes.len().min(2);
+    let texel = |p: &Vector| Texel {
+        rho_d: [p[0], p[1], p[2]],
+        rho_s: [p[3], p[4], p[5]],
+        m: p[6].exp(),
+        normal: crate::gloss::normal_of([p[7], p[8]]),
+    };
+    let n = start.normal;
+    let mut p = Vector::from_column_slice(&[
+        start.rho_d[0],
+        start.rho_d[1],
+        start.rho_d[2],
+        start.rho_s[0],
+        start.rho_s[1],
+        start.rho_s[2],
+        start.m.clamp(0.02, 1.0).ln(),
+        n[0].atan2(n[2]),
+        if tilts == 2 { n[1].clamp(-1.0, 1.0).asin() } else { 0.0 },
+    ]);
+    let mut damping = 1e-3;
+    let mut here = sums(scratch, &p, &texel(&p), at, passes, data, tilts);
+    for _ in 0..STEPS {
+        let (chi2, normal, gradient) = &here;
+        let mut damped = *normal;
+        for i in 0..PARAMETERS {
+            damped[(i, i)] = normal[(i, i)] * (1.0 + damping) + 1e-12;
+        }
+        let Some(step) = damped.cholesky().map(|c| c.solve(gradient)) else { break };
+        let mut next = p + step;
+        next[6] = next[6].clamp(0.01f64.ln(), 1.2f64.ln());
+        (next[7], next[8]) = (next[7].clamp(-1.05, 1.05), next[8].clamp(-1.05, 1.05));
+        let there = sums(scratch, &next, &texel(&next), at, passes, data, tilts);
+        if there.0 < *chi2 {
+            let small = chi2 - there.0 < 0.05;
+            (p, here) = (next, there);
+            damping = (damping * 0.2).max(1e-7);
+            if small {
+                break;
+            }
+        } else {
+            damping *= 8.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    (here.0, texel(&p))
+}
+
+/// χ², the normal matrix and the (descending) gradient.
+fn sums(
+    scratch: &mut Scratch,
+    p: &Vector,
+    texel: &Texel,
+    at: [f64; 2],
+    passes: &[Pass],
+    data: &[Data],
+    tilts: usize,
+) -> (f64, Matrix, Vector) {
+    let (mut chi2, mut normal, mut gradient) = (0.0, Matrix::zeros(), Vector::zeros());
+    let slopes = normal_slopes([p[7], p[8]]);
+    for (pass, data) in passes.iter().zip(data) {
+        let columns = pass.predictor.columns(scratch, texel, at, &slopes[..tilts]);
+        for (k, channels) in data.iter().enumerate() {
+            for (c, [y, weight]) in channels.iter().enumerate().filter(|(_, r)| r[1] > 0.0) {
+                let (d, s) = (texel.rho_d[c], texel.rho_s[c]);
+                let r = weight * (y - d * columns[0][k] - s * columns[1][k]);
+                chi2 += r * r;
+                let mut j = [0.0; 5];
+                j[0] = weight * columns[0][k];
+                j[1] = weight * columns[1][k];
+                j[2] = weight * s * texel.m * columns[2][k];
+                for t in 0..tilts {
+                    j[3 + t] = weight * (d * columns[3 + 2 * t][k] + s * columns[4 + 2 * t][k]);
+                }
+                let index = [c, 3 + c, 6, 7, 8];
+                for a in 0..5 {
+                    gradient[index[a]] += j[a] * r;
+                    for b in 0..5 {
+                        normal[(index[a], index[b])] += j[a] * j[b];
+                    }
+                }
+            }
+        }
+    }
+    (chi2, normal, gradient)
+}
+
+fn bias(before: &[Texel], after: &[Texel]) -> Bias {
+    let rms = |difference: &dyn Fn(&Texel, &Texel) -> f64| {
+        let all: Vec<f64> = before.iter().zip(after).map(|(a, b)| difference(a, b)).filter(|v| v.is_finite()).collect();
+        // The median keeps a texel without gloss from deciding.
+        1.4826 * crate::leaf::outliers::median(all.iter().map(|v| v.abs()).collect())
+    };
+    let relative = |a: [f64; 3], b: [f64; 3]| {
+        let (x, y): (f64, f64) = (a.iter().sum(), b.iter().sum());
+        x / y - 1.0
+    };
+    let or_zero = |v: f64| if v.is_finite() { v } else { 0.0 };
+    Bias {
+        rho_d: or_zero(rms(&|a, b| relative(a.rho_d, b.rho_d))),
+        rho_s: or_zero(rms(&|a, b| relative(a.rho_s, b.rho_s))),
+        m: or_zero(rms(&|a, b| a.m / b.m - 1.0)),
+        normal: or_zero(rms(&|a, b| (a.normal[0] - b.normal[0]).hypot(a.normal[1] - b.normal[1]))),
+    }
+}
+
+/// The tube of a scan, for the white frames.
+pub fn tube(scan: &Scan) -> Tube {
+    scan.tube()
+}
