@@ -57,6 +57,8 @@ pub struct Fitted {
     pub bounds: [Option<String>; 3],
     /// How far the texels are from those under the cause that explains their traces; zero where they are explained.
     pub bias: Bias,
+    /// Residuals over the noise where nothing explains them; 1 elsewhere.
+    pub scale: f64,
 }
 
 impl Fitted {
@@ -242,6 +244,7 @@ pub fn fit(
         unexplained,
         bounds,
         bias: Bias::default(),
+        scale: 1.0,
     })
 }
 

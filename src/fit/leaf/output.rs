@@ -77,8 +77,8 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
 /// Records the faults that were found, and takes them into account: what a wrong cause did to the texels widens their
 /// errors.
 pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level: &mut Level) {
-    for (fitted, bias) in done.iter_mut().zip(found.bias) {
-        fitted.bias = bias;
+    for (fitted, (bias, scale)) in done.iter_mut().zip(found.bias.into_iter().zip(found.scale)) {
+        (fitted.bias, fitted.scale) = (bias, scale);
     }
     // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise from
     // both.
@@ -210,19 +210,7 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
                 Quantity::M => slope(fitted, &good, width, height),
                 _ => filled(fitted.maps.plane(quantity, c).unwrap_or_default().to_vec()),
             };
-            let mut error = texels::error(&fitted.maps, quantity, c).to_vec();
-            let Bias { rho_d, rho_s, m, normal } = fitted.bias;
-            let (relative, absolute) = match quantity {
-                Quantity::RhoD => (rho_d, 0.0),
-                Quantity::RhoS => (rho_s, 0.0),
-                Quantity::M => (m, 0.0),
-                _ => (0.0, normal),
-            };
-            if relative + absolute > 0.0 {
-                for (error, value) in error.iter_mut().zip(&value) {
-                    *error = error.hypot(relative as f32 * value + absolute as f32);
-                }
-            }
+            let error = widened(fitted, quantity, texels::error(&fitted.maps, quantity, c).to_vec(), &value);
             add(quantity, c, value, error);
         }
     }
@@ -248,6 +236,32 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
     values.add(Quantity::ReducedChi2, 0, reduced);
     (values, errors)
+}
+
+/// Standard errors that hold what a wrong cause did to the texels, and residuals that nothing explains.
+fn widened(fitted: &Fitted, quantity: Quantity, mut error: Vec<f32>, value: &[f32]) -> Vec<f32> {
+    if fitted.scale > 1.0 {
+        // A texel whose own χ² is that large has wide errors already.
+        let (chi2, freedom) = texels::chi2(&fitted.maps);
+        for ((error, chi2), freedom) in error.iter_mut().zip(chi2).zip(freedom) {
+            if *chi2 <= freedom + 5.0 * (2.0 * freedom).sqrt() {
+                *error *= fitted.scale as f32;
+            }
+        }
+    }
+    let Bias { rho_d, rho_s, m, normal } = fitted.bias;
+    let (relative, absolute) = match quantity {
+        Quantity::RhoD => (rho_d, 0.0),
+        Quantity::RhoS => (rho_s, 0.0),
+        Quantity::M => (m, 0.0),
+        _ => (0.0, normal),
+    };
+    if relative + absolute > 0.0 {
+        for (error, value) in error.iter_mut().zip(value) {
+            *error = error.hypot(relative as f32 * value + absolute as f32);
+        }
+    }
+    error
 }
 
 /// The slope m as renderers need it, without holes. A matte texel (ρs = 0, m undetermined with an infinite error) takes

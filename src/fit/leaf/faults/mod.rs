@@ -20,6 +20,7 @@ use crate::Result;
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
 use crate::leaf::outliers::median;
+use mesophyll_capture::inspect::{Inspection, mirror};
 use mesophyll_capture::reader::Capture;
 use mesophyll_optics::tube::Travel;
 use mesophyll_record::fault::{Fault, Grade};
@@ -29,6 +30,9 @@ use trials::Trials;
 /// Thickness (mm) of leaves: filmy ferns have .01, succulents some millimetres.
 const THICKNESS_MM: std::ops::RangeInclusive<f64> = 0.01..=8.0;
 
+/// Noise is known to this share.
+const NOISE: f64 = 0.1;
+
 /// What was found in a scan.
 #[derive(Debug, Default)]
 pub struct Findings {
@@ -36,6 +40,8 @@ pub struct Findings {
     pub faults: Vec<Fault>,
     /// For each side, how far the fitted texels are from those under the cause that explains its traces.
     pub bias: Vec<Bias>,
+    /// For each side, the residuals over the noise where no cause explains them; 1 elsewhere.
+    pub scale: Vec<f64>,
     /// Noise of the readings over the stated noise, from the differences between neighbouring texels. They share the
     /// error of a wrong model, so the difference has little of it. One for each side; `None` where there are too few.
     pub noise: Vec<Option<f64>>,
@@ -54,6 +60,7 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
     for fitted in sides {
         let Some(sample) = Sample::read(capture, scan, fitted, level)? else {
             out.bias.push(Bias::default());
+            out.scale.push(1.0);
             out.noise.push(None);
             continue;
         };
@@ -66,9 +73,12 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
         let wrong = |travel: Travel, frame: usize| found.iter().any(|f| f.travel == travel && f.frame == frame);
         let trials = Trials::new(scan, &sample, sample.texels.iter().map(dark).collect(), wrong);
         let outcome = trials.search(noise.unwrap_or(1.0).max(1.0).powi(2));
-        if outcome.causes.is_empty() {
-            out.faults.extend(moved::look(&sample, m.texel_mm));
+        let moved = if outcome.unexplained { moved::look(&sample, m.texel_mm) } else { None };
+        out.scale.push(if outcome.unexplained { outcome.before.sqrt() } else { 1.0 });
+        if outcome.unexplained && moved.is_none() {
+            out.faults.push(sentences::unexplained(fitted.side, &outcome));
         }
+        out.faults.extend(moved);
         out.bias.push(outcome.bias);
         out.noise.push(noise);
         single.extend(found);
@@ -78,12 +88,16 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
     out.faults.extend(sentences::faults(&causes, scan, m, &whites));
     out.faults.extend(boxes::look(capture, level, sides)?);
     out.faults.extend(thickness(m.thickness_mm, sides));
+    out.faults.extend(mirror(capture, sides));
+    out.faults.extend(stated_noise(level, &out.noise, sides));
+    // The worst comes first.
+    out.faults.sort_by_key(|f| std::cmp::Reverse(f.grade));
     Ok(out)
 }
 
 /// A thickness that no leaf has.
 fn thickness(h: f64, sides: &[Fitted]) -> Option<Fault> {
-    let guess = if h > *THICKNESS_MM.end() { "was it written in µm, or read at another place" } else { "was it written in cm or m" };
+    let guess = if h > *THICKNESS_MM.end() { "was it written in µm or tenths" } else { "was it written in cm or m" };
     (!THICKNESS_MM.contains(&h)).then(|| Fault {
         name: "thickness".into(),
         grade: Grade::Wrong,
@@ -95,6 +109,45 @@ fn thickness(h: f64, sides: &[Fitted]) -> Option<Fault> {
             THICKNESS_MM.start(),
             THICKNESS_MM.end()
         ),
+    })
+}
+
+/// Noise that is not as stated, by the traces' roughness and by the differences of neighbouring texels.
+fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Option<Fault> {
+    let beside: Vec<f64> = beside.iter().flatten().copied().collect();
+    let rough = level.seen?;
+    // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that were
+    // resampled have neighbours that share noise, so noise that seems smaller is believed of both together only.
+    let least = beside.iter().copied().fold(rough, f64::min);
+    let most = beside.iter().copied().fold(rough, f64::max);
+    let (name, off) = match () {
+        () if least > 1.0 + NOISE => ("noise-understated", least),
+        () if most < 1.0 - NOISE => ("noise-overstated", most),
+        () => return None,
+    };
+    let effect = if off > 1.0 { "errors are too small by as much" } else { "errors are too large by as much" };
+    Some(Fault {
+        name: name.into(),
+        grade: Grade::Doubtful,
+        sides: sides.iter().map(|s| s.side.name().into()).collect(),
+        spoils: Vec::new(),
+        says: format!(
+            "capture.toml: the readings scatter {off:.2} times as much as noise_relative and noise_floor say, from frame to \
+             frame and from texel to texel, whatever their model; {effect}"
+        ),
+    })
+}
+
+/// A mirror strip that contradicts the stated device.
+fn mirror(capture: &Capture, sides: &[Fitted]) -> Option<Fault> {
+    let mut looked = Inspection::default();
+    mirror::look(&capture.folder, &capture.manifest, &mut looked);
+    looked.mirror.iter().any(|check| !check.agrees).then(|| Fault {
+        name: "mirror".into(),
+        grade: Grade::Wrong,
+        sides: sides.iter().map(|s| s.side.name().into()).collect(),
+        spoils: ["rho_s", "m", "normal"].map(String::from).to_vec(),
+        says: looked.warnings.join("; ").replace(&format!("{}/", capture.folder.display()), ""),
     })
 }
 

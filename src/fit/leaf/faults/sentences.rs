@@ -46,6 +46,21 @@ pub fn faults(causes: &[(Side, Outcome)], scan: &Scan, m: &Manifest, whites: &Wh
     out
 }
 
+/// Traces that no cause explains.
+pub fn unexplained(side: Side, outcome: &Outcome) -> Fault {
+    let side = side.name();
+    Fault {
+        name: "unexplained".into(),
+        grade: Grade::Doubtful,
+        sides: vec![side.into()],
+        spoils: Vec::new(),
+        says: format!(
+            "{side}: the traces' reduced χ² is {:.2} where their noise makes it {:.2}, and nothing that was tried explains it              (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark level, stray light,              coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as much",
+            outcome.before, outcome.noise
+        ),
+    }
+}
+
 /// Name of the kind of fault.
 fn name(cause: Cause) -> &'static str {
     match cause {

@@ -8,7 +8,7 @@ use crate::gloss::normal_slopes;
 use crate::leaf::held_out::{Predictor, Scratch, Texel};
 use mesophyll_capture::calibrate::white_response;
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::tube::{Travel, Tube};
+use mesophyll_optics::tube::Travel;
 use mesophyll_record::scan::Scan;
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -19,6 +19,10 @@ const TEXELS: usize = 40;
 const STEPS: usize = 14;
 /// A cause is named where it takes away at least this share of what χ² has above the noise.
 pub const EXPLAINS: f64 = 0.6;
+/// χ² that is less than this share above the noise is not worth a search.
+const LEAST: f64 = 0.04;
+/// So many of the causes have their amount refined.
+const REFINED: usize = 7;
 /// Causes whose share is smaller than the best one's by no more than this are named beside it.
 const TIE: f64 = 0.04;
 
@@ -105,6 +109,10 @@ pub struct Outcome {
     pub before: f64,
     /// Under the best cause.
     pub after: f64,
+    /// The true variance of the noise over the stated one.
+    pub noise: f64,
+    /// χ² is above the noise, and no cause explains it.
+    pub unexplained: bool,
     /// The causes that explain it, best first; empty where none does.
     pub causes: Vec<Cause>,
     /// How far the fitted texels are from those under the best cause.
@@ -115,7 +123,7 @@ pub struct Outcome {
 pub struct Trials<'a> {
     scan: &'a Scan,
     sample: &'a Sample,
-    /// Size of the texels' image (mm), for the white frames.
+    /// Dark level of each texel, in the camera's values.
     dark: Vec<[f64; 3]>,
     chosen: Vec<usize>,
     /// Readings that count: frames by pass.
@@ -136,28 +144,44 @@ impl<'a> Trials<'a> {
         Trials { scan, sample, dark, chosen, used }
     }
 
-    /// Tries every cause where the texels' χ² is above `noise` (in units of the stated variance) by more than chance.
-    pub fn run(&self) -> Outcome {
-        self.search(1.0)
-    }
-
-    /// The same where the noise is `noise` times the stated variance.
+    /// Tries every cause where the texels' χ² is above `noise` (the true variance over the stated one) by more than
+    /// chance. A few texels choose the likely causes, more of them find their amounts, and all decide.
     pub fn search(&self, noise: f64) -> Outcome {
-        let base = self.fit(Cause::None);
-        let mut out = Outcome { before: base.chi2, after: base.chi2, causes: Vec::new(), bias: Bias::default() };
+        let base = self.fit(Cause::None, 1);
+        let mut out =
+            Outcome { before: base.chi2, after: base.chi2, noise, unexplained: false, causes: Vec::new(), bias: Bias::default() };
         let chance = 6.0 * (2.0 / base.freedom).sqrt() * noise;
         let excess = base.chi2 - noise;
-        if !(excess > chance.max(0.05 * noise)) {
+        if !(excess > chance.max(LEAST * noise)) {
             return out;
         }
-        let mut tried: Vec<(f64, Cause)> = self.causes().into_iter().map(|cause| self.best(cause)).collect();
+        let mut coarse: Vec<(f64, Family, usize)> = self
+            .causes()
+            .into_iter()
+            .map(|family| {
+                let costs: Vec<f64> = family.grid.iter().map(|x| self.fit((family.of)(*x), 4).chi2).collect();
+                let top = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
+                (costs[top], family, top)
+            })
+            .collect();
+        coarse.sort_by(|a, b| a.0.total_cmp(&b.0));
+        coarse.truncate(REFINED);
+        let mut tried: Vec<(f64, Cause)> = coarse
+            .iter()
+            .map(|(_, family, top)| {
+                let cause = self.refine(family, *top);
+                (self.fit(cause, 1).chi2, cause)
+            })
+            .collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         let share = |chi2: f64| (base.chi2 - chi2) / excess;
-        let Some(&(best, cause)) = tried.first().filter(|t| share(t.0) > EXPLAINS) else { return out };
+        let Some(&(best, cause)) = tried.first().filter(|t| share(t.0) > EXPLAINS) else {
+            out.unexplained = true;
+            return out;
+        };
         out.after = best;
-        out.causes =
-            tried.iter().filter(|t| share(t.0) > share(best) - TIE).map(|t| t.1).take(3).collect();
-        out.bias = bias(&base.texels, &self.fit(cause).texels);
+        out.causes = tried.iter().filter(|t| share(t.0) > share(best) - TIE).map(|t| t.1).take(3).collect();
+        out.bias = bias(&base.texels, &self.fit(cause, 1).texels);
         out
     }
 
@@ -170,39 +194,38 @@ impl<'a> Trials<'a> {
         };
         let scaled = |value: f64, list: &[f64]| list.iter().map(|f| f * value).collect::<Vec<f64>>();
         let bright = f64::from(self.bright());
-        let mut list: Vec<Family> = vec![
-            (Cause::Camera, grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9)).into(),
-            (Cause::Height, scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6])).into(),
-            (Cause::Length, scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5])).into(),
-            (Cause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])).into(),
-            (Cause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])).into(),
-            ((|a| Cause::Drift(None, a)) as fn(f64) -> Cause, grid(-0.4, 0.4, 7)).into(),
-            ((|a| Cause::Drift(Some(Travel::X), a)) as fn(f64) -> Cause, grid(-0.4, 0.4, 7)).into(),
-            ((|d| Cause::Zero(Travel::X, d)) as fn(f64) -> Cause, scaled(scan.tube_height_mm, &[-0.3, -0.1, 0.0, 0.1, 0.3]))
-                .into(),
-            Cause::Reversed(true, false).into(),
-            Cause::Mirrored.into(),
-            Cause::Coded(Coding::Srgb, false).into(),
-            Cause::Coded(Coding::Gamma, false).into(),
+        let far = [-0.3, -0.1, 0.0, 0.1, 0.3];
+        let mut list = vec![
+            Family::of(Cause::Camera, grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9)),
+            Family::of(Cause::Height, scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6])),
+            Family::of(Cause::Length, scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5])),
+            Family::of(Cause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])),
+            Family::of(Cause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])),
+            Family::of(|a| Cause::Drift(None, a), grid(-0.4, 0.4, 7)),
+            Family::of(|a| Cause::Drift(Some(Travel::X), a), grid(-0.4, 0.4, 7)),
+            Family::of(|d| Cause::Zero(Travel::X, d), scaled(scan.tube_height_mm, &far)),
+            Family::one(Cause::Reversed(true, false)),
+            Family::one(Cause::Mirrored),
+            Family::one(Cause::Coded(Coding::Srgb, false)),
+            Family::one(Cause::Coded(Coding::Gamma, false)),
         ];
         if scan.tube_radius_mm > 0.0 {
-            list.push((Cause::Radius, scaled(scan.tube_radius_mm, &[0.05, 0.5, 1.0, 2.0, 4.0, 8.0])).into());
+            list.push(Family::of(Cause::Radius, scaled(scan.tube_radius_mm, &[0.05, 0.5, 1.0, 2.0, 4.0, 8.0])));
         }
         if self.sample.passes.iter().any(|p| !p.gain.is_empty()) {
-            list.push(Cause::Coded(Coding::Srgb, true).into());
-            list.push(Cause::Coded(Coding::Gamma, true).into());
-            list.push((Cause::Dark, scaled(self.bright_raw(), &[-0.1, -0.03, 0.0, 0.03, 0.1, 0.2])).into());
+            list.push(Family::one(Cause::Coded(Coding::Srgb, true)));
+            list.push(Family::one(Cause::Coded(Coding::Gamma, true)));
+            list.push(Family::of(Cause::Dark, scaled(self.bright_raw(), &[-0.1, -0.03, 0.0, 0.03, 0.1, 0.2])));
         }
         if both {
-            list.push(Cause::Reversed(false, true).into());
-            list.push(Cause::Reversed(true, true).into());
-            list.push(Cause::Exchanged.into());
-            list.push(((|a| Cause::Drift(Some(Travel::Y), a)) as fn(f64) -> Cause, grid(-0.4, 0.4, 7)).into());
-            let zero = scaled(scan.tube_height_mm, &[-0.3, -0.1, 0.0, 0.1, 0.3]);
-            list.push(((|d| Cause::Zero(Travel::Y, d)) as fn(f64) -> Cause, zero).into());
+            list.push(Family::one(Cause::Reversed(false, true)));
+            list.push(Family::one(Cause::Reversed(true, true)));
+            list.push(Family::one(Cause::Exchanged));
+            list.push(Family::of(|a| Cause::Drift(Some(Travel::Y), a), grid(-0.4, 0.4, 7)));
+            list.push(Family::of(|d| Cause::Zero(Travel::Y, d), scaled(scan.tube_height_mm, &far)));
         }
         let lobes = [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }];
-        list.extend(lobes.into_iter().filter(|l| l.name() != scan.lobe).map(|l| Cause::Surface(l).into()));
+        list.extend(lobes.into_iter().filter(|l| l.name() != scan.lobe).map(|l| Family::one(Cause::Surface(l))));
         list
     }
 
@@ -221,17 +244,17 @@ impl<'a> Trials<'a> {
         f64::from(self.bright()) * sum / count.max(1) as f64
     }
 
-    /// The best member of a family, and its χ².
-    fn best(&self, family: Family) -> (f64, Cause) {
-        let Family { of, grid } = family;
-        let cost = |x: f64| self.fit(of.at(x)).chi2;
-        let Some(grid) = grid else { return (cost(0.0), of.at(0.0)) };
-        let costs: Vec<f64> = grid.iter().map(|x| cost(*x)).collect();
-        let top = (0..grid.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
+    /// The best member of a family around the best point of its grid.
+    fn refine(&self, family: &Family, top: usize) -> Cause {
+        let grid = &family.grid;
         let (mut low, mut high) = (grid[top.saturating_sub(1)], grid[(top + 1).min(grid.len() - 1)]);
-        let mut best = (costs[top], grid[top]);
+        if low == high {
+            return (family.of)(low);
+        }
+        let cost = |x: f64| self.fit((family.of)(x), 2).chi2;
+        let mut best = (cost(grid[top]), grid[top]);
         // Golden section.
-        for _ in 0..7 {
+        for _ in 0..6 {
             let (a, b) = (high - 0.618 * (high - low), low + 0.618 * (high - low));
             let (at_a, at_b) = (cost(a), cost(b));
             for (c, x) in [(at_a, a), (at_b, b)] {
@@ -239,18 +262,23 @@ impl<'a> Trials<'a> {
                     best = (c, x);
                 }
             }
-            if at_a < at_b { high = b } else { low = a }
+            if at_a < at_b {
+                high = b;
+            } else {
+                low = a;
+            }
         }
-        (best.0, of.at(best.1))
+        (family.of)(best.1)
     }
 
-    /// Fits the chosen texels under a cause.
-    fn fit(&self, cause: Cause) -> Fits {
+    /// Fits every `step`-th of the chosen texels under a cause.
+    fn fit(&self, cause: Cause, step: usize) -> Fits {
         let scan = device(self.scan, cause);
         let passes: Vec<Pass> = self.passes(cause, &scan);
         let each: Vec<(f64, f64, Texel)> = self
             .chosen
             .par_iter()
+            .step_by(step)
             .map_init(Scratch::default, |scratch, &n| self.fit_texel(scratch, n, cause, &scan, &passes))
             .collect();
         let freedom: f64 = each.iter().map(|e| e.1).sum();
@@ -364,35 +392,19 @@ impl<'a> Trials<'a> {
     }
 }
 
-/// A cause whose amount is open, or one without an amount.
+/// A cause whose amount is open, with a range of amounts to begin with; of a cause without an amount, one entry.
 struct Family {
-    of: Kind,
-    grid: Option<Vec<f64>>,
+    of: Box<dyn Fn(f64) -> Cause>,
+    grid: Vec<f64>,
 }
 
-enum Kind {
-    Of(fn(f64) -> Cause),
-    One(Cause),
-}
-
-impl Kind {
-    fn at(&self, x: f64) -> Cause {
-        match self {
-            Kind::Of(of) => of(x),
-            Kind::One(cause) => *cause,
-        }
+impl Family {
+    fn of(of: fn(f64) -> Cause, grid: Vec<f64>) -> Family {
+        Family { of: Box::new(of), grid }
     }
-}
 
-impl From<(fn(f64) -> Cause, Vec<f64>)> for Family {
-    fn from((of, grid): (fn(f64) -> Cause, Vec<f64>)) -> Self {
-        Family { of: Kind::Of(of), grid: Some(grid) }
-    }
-}
-
-impl From<Cause> for Family {
-    fn from(cause: Cause) -> Self {
-        Family { of: Kind::One(cause), grid: None }
+    fn one(cause: Cause) -> Family {
+        Family { of: Box::new(move |_| cause), grid: vec![0.0] }
     }
 }
 
@@ -543,9 +555,4 @@ fn bias(before: &[Texel], after: &[Texel]) -> Bias {
         m: or_zero(rms(&|a, b| a.m / b.m - 1.0)),
         normal: or_zero(rms(&|a, b| (a.normal[0] - b.normal[0]).hypot(a.normal[1] - b.normal[1]))),
     }
-}
-
-/// The tube of a scan, for the white frames.
-pub fn tube(scan: &Scan) -> Tube {
-    scan.tube()
 }
