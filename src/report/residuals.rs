@@ -68,7 +68,7 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
     };
     // What was found to be wrong is said by itself.
     if let Some(fault) = record.faults.first() {
-        return format!(" (see {})", fault.name);
+        return format!("; the likely cause is named ({})", fault.name);
     }
     let Some(seen) = s.figures.get(NOISE_SEEN) else { return format!(": {geometry}") };
     // Noise that is wrong by a factor makes χ² wrong by its square.

@@ -2,7 +2,7 @@
 //! previews.
 
 use crate::Result;
-use crate::leaf::faults::{Bias, Findings};
+use crate::leaf::faults::{Bias, Findings, through};
 use crate::leaf::blade::{self, Blade, Grid, glb};
 use crate::leaf::defect::OF_SCANS;
 use crate::leaf::held_out::{self, Judged, Splits};
@@ -334,9 +334,6 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
         let undetermined = (0..3)
             .filter_map(|c| {
                 let name = quantity.channel(c);
-                if let Some(fault) = spoils(quantity.name()) {
-                    return Some(format!("{name}: {}", fault.says));
-                }
                 if let Some(chi2) = fitted.unexplained {
                     return Some(format!("{name}: the traces' residuals exceed the noise (reduced chi2 {chi2:.0})"));
                 }
@@ -357,6 +354,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
     {
         s.params.insert(quantity.name().into(), parameter(quantity, value, relative));
     }
+    through::apply(faults, fitted.side.name(), &mut s);
     s.params.insert(
         Quantity::Thickness.name().into(),
         Param {

@@ -1,6 +1,6 @@
-//! Faults of the light box's photographs, and of the two sides compared: what comes through a leaf is nearly the same
-//! from either side, so its picture from behind is the mirror image of that from the front.
+//! Faults of the light box's photographs, and frames that hold too few values.
 
+use super::through::{THROUGH, View, energy, fault, turned};
 use crate::Result;
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
@@ -8,7 +8,6 @@ use crate::leaf::outliers::median;
 use mesophyll_capture::lightbox::mask_from_transmission;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::read_exr_rows;
-use mesophyll_optics::defect::Defect;
 use mesophyll_optics::side::mirror;
 use mesophyll_record::fault::{Fault, Grade};
 use std::collections::HashSet;
@@ -17,29 +16,12 @@ use std::collections::HashSet;
 const LIGHT: f64 = 0.02;
 /// Texels that must lie beside the leaf for that.
 const BESIDE: usize = 40;
-/// A picture fits in another place where its correlation is better by this much, and is at least [`ALIKE`].
-const BETTER: f64 = 0.15;
-const ALIKE: f64 = 0.6;
-/// Steps (texels) that a picture may be shifted by.
-const SHIFTS: i32 = 4;
-/// Front and back transmit alike up to this share.
-const SIDES: f64 = 0.2;
 /// A photograph with so large a share of its texels at exactly its largest value is saturated.
 const SATURATED: f64 = 0.05;
 /// An outline fits better when it is mirrored by this share of its area: not by chance, where a leaf is lopsided.
 const OUTLINE: f64 = 0.05;
 /// Frames of 8 bits hold at most this many different values.
 const LEVELS: usize = 280;
-/// Texels with more light than arrives: this share of a side's texels is no accident.
-const ENERGY: f64 = 0.2;
-
-const THROUGH: [&str; 5] = ["rho_t", "sigma_a", "sigma_s", "thickness", "gamma"];
-
-fn fault(name: &str, grade: Grade, sides: &[&str], spoils: &[&str], says: String) -> Fault {
-    let owned = |list: &[&str]| list.iter().map(|s| s.to_string()).collect();
-    Fault { name: name.into(), grade, sides: owned(sides), spoils: owned(spoils), says }
-}
-
 /// Looks at the photographs of the light box, and at the values that the frames hold.
 ///
 /// # Errors
@@ -76,24 +58,10 @@ pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fa
         if !saturated {
             out.extend(outline(capture, fitted)?.or_else(|| beside(fitted, m.width, level)));
         }
-        let good = fitted.mask.iter().filter(|k| **k == 1).count();
-        let energy = fitted.mask.iter().filter(|k| **k == Defect::Energy.code()).count();
-        if energy as f64 > ENERGY * (good + energy) as f64 {
-            out.push(fault(
-                "energy",
-                Grade::Wrong,
-                &[side],
-                &["rho_d", "rho_s", "rho_t", "sigma_a", "sigma_s", "gamma"],
-                format!(
-                    "{side}: {:.0} % of the texels send back and let through more light than arrives (ρd + ρt > 1): the \
-                     white frames are missing or too dark, white_reflectance is wrong, or the box's exposure changed",
-                    100.0 * energy as f64 / (good + energy) as f64
-                ),
-            ));
-        }
+        out.extend(energy(side, &fitted.mask));
     }
     if let [front, back] = sides {
-        out.extend(turned(front, back, m.width));
+        out.extend(turned(&View::of(front), &View::of(back), m.width, "back/lightbox.exr"));
     }
     Ok(out)
 }
@@ -216,105 +184,4 @@ fn coarse(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
         }
     }
     Ok(None)
-}
-
-/// Front and back compared by what comes through them.
-fn turned(front: &Fitted, back: &Fitted, width: usize) -> Option<Fault> {
-    let n = front.measured.mask.len();
-    let height = n / width;
-    let log = |fitted: &Fitted| -> Vec<f64> {
-        (0..n)
-            .map(|k| {
-                let t = fitted.measured.rho_t[k];
-                let mean = (t[0] + t[1] + t[2]) / 3.0;
-                if fitted.measured.mask[k] && mean > 0.0 && mean < 1.0 { f64::from(mean).ln() } else { f64::NAN }
-            })
-            .collect()
-    };
-    let (a, b) = (log(front), log(back));
-    // Where the back's texel lies that shows the front's texel (i, j), for each way that the leaf may have been turned.
-    let of = |turn: usize, i: usize, j: usize| match turn {
-        0 => [width - 1 - i, j],
-        1 => [i, j],
-        2 => [i, height - 1 - j],
-        _ => [width - 1 - i, height - 1 - j],
-    };
-    let correlation = |turn: usize, shift: [i32; 2]| {
-        let mut s = [0.0; 6];
-        let step = (n / 40_000).max(1);
-        for k in (0..n).step_by(step) {
-            let [x, y] = of(turn, k % width, k / width);
-            let (x, y) = (x as i32 + shift[0], y as i32 + shift[1]);
-            if x < 0 || y < 0 || x >= width as i32 || y >= height as i32 {
-                continue;
-            }
-            let (u, v) = (a[k], b[y as usize * width + x as usize]);
-            if u.is_finite() && v.is_finite() {
-                let terms = [1.0, u, v, u * u, v * v, u * v];
-                s.iter_mut().zip(terms).for_each(|(s, t)| *s += t);
-            }
-        }
-        let [n, u, v, uu, vv, uv] = s;
-        let spread = ((uu - u * u / n) * (vv - v * v / n)).sqrt();
-        let share = n * step as f64 / a.iter().filter(|v| v.is_finite()).count().max(1) as f64;
-        if n < 60.0 || share < 0.5 || !(spread > 0.0) { f64::NAN } else { (uv - u * v / n) / spread }
-    };
-    let right = correlation(0, [0, 0]);
-    let both = ["front", "back"];
-    let wrong = (1..4).map(|t| (correlation(t, [0, 0]), t)).filter(|c| c.0.is_finite()).max_by(|x, y| x.0.total_cmp(&y.0));
-    let known = if right.is_finite() { right } else { -1.0 };
-    if let Some((r, turn)) = wrong.filter(|w| w.0 > known + BETTER && w.0 > ALIKE) {
-        let what = match turn {
-            1 => {
-                "the back's light-box photograph shows the front's image and not its mirror image (the leaf was not turned, \
-                 the photograph is that of the front, or the back was mirrored once too often)"
-            }
-            2 => "the back is turned about the x axis and not about the y axis (its rows run the other way)",
-            _ => "the back is upside down",
-        };
-        return Some(fault(
-            "back-not-turned",
-            Grade::Wrong,
-            &both,
-            &THROUGH,
-            format!("back/lightbox.exr: {what}; correlation of what comes through {r:.2} instead of {known:.2}"),
-        ));
-    }
-    let best = (-SHIFTS..=SHIFTS)
-        .flat_map(|y| (-SHIFTS..=SHIFTS).map(move |x| [x, y]))
-        .map(|shift| (correlation(0, shift), shift))
-        .filter(|c| c.0.is_finite())
-        .max_by(|x, y| x.0.total_cmp(&y.0));
-    let texels = front.at.len().max(1) as f64;
-    // Correlations by Fisher's transformation, whose standard error is 1/√n.
-    let better = |r: f64| r.clamp(-0.999_99, 0.999_99).atanh() - known.clamp(-0.999_99, 0.999_99).atanh();
-    if let Some((r, shift)) = best.filter(|b| b.1 != [0, 0] && b.0 > ALIKE && better(b.0) > (6.0 / texels.sqrt()).max(0.1)) {
-        return Some(fault(
-            "back-shifted",
-            Grade::Wrong,
-            &both,
-            &["thickness", "sigma_a", "sigma_s"],
-            format!(
-                "back/lightbox.exr: what comes through the back fits the front's when shifted by {} columns and {} rows \
-                 (correlation {r:.2} instead of {known:.2}): the leaf moved between the sides",
-                shift[0], shift[1]
-            ),
-        ));
-    }
-    // The level.
-    let ratios: Vec<f64> = (0..n).map(|k| a[k] - b[k / width * width + width - 1 - k % width]).filter(|v| v.is_finite()).collect();
-    let apart = median(ratios);
-    (apart.abs() > SIDES).then(|| {
-        fault(
-            "sides-transmit",
-            Grade::Doubtful,
-            &both,
-            &[],
-            format!(
-                "front and back: {:.2} times as much light comes through from the front as from the back; a leaf lets through \
-                 nearly the same either way, so one of the light-box photographs has another exposure, or shows another leaf",
-                apart.exp()
-            ),
-        )
-    })
 }

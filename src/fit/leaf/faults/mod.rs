@@ -10,6 +10,7 @@ mod frames;
 mod moved;
 mod sample;
 mod sentences;
+pub mod through;
 mod trials;
 mod white;
 
@@ -54,6 +55,7 @@ pub struct Findings {
 pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> Result<Findings> {
     let mut out = Findings::default();
     let m = &capture.manifest;
+    let names: Vec<&str> = sides.iter().map(|s| s.side.name()).collect();
     let whites = white::look(capture, level);
     let mut single = Vec::new();
     let mut causes = Vec::new();
@@ -87,7 +89,7 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
     out.faults.extend(frames::faults(&single, !whites.absent));
     out.faults.extend(sentences::faults(&causes, scan, m, &whites));
     out.faults.extend(boxes::look(capture, level, sides)?);
-    out.faults.extend(thickness(m.thickness_mm, sides));
+    out.faults.extend(thickness("thickness_mm", m.thickness_mm, &names));
     out.faults.extend(mirror(capture, sides));
     out.faults.extend(stated_noise(level, &out.noise, sides));
     // The worst comes first.
@@ -95,20 +97,22 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
     Ok(out)
 }
 
-/// A thickness that no leaf has.
-fn thickness(h: f64, sides: &[Fitted]) -> Option<Fault> {
-    let guess = if h > *THICKNESS_MM.end() { "was it written in µm or tenths" } else { "was it written in cm or m" };
-    (!THICKNESS_MM.contains(&h)).then(|| Fault {
-        name: "thickness".into(),
-        grade: Grade::Wrong,
-        sides: sides.iter().map(|s| s.side.name().into()).collect(),
-        spoils: ["sigma_a", "sigma_s", "thickness"].map(String::from).to_vec(),
-        says: format!(
-            "capture.toml: thickness_mm is {h}, and leaves are {} to {} mm thick ({guess}?); σa and σs are in \
-             inverse proportion to it",
-            THICKNESS_MM.start(),
-            THICKNESS_MM.end()
-        ),
+/// A thickness that no leaf has, of a field of capture.toml or a scan of the leaf's height.
+pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<Fault> {
+    let guess = if h > *THICKNESS_MM.end() { "µm or tenths of a mm taken for mm" } else { "cm or m taken for mm" };
+    (!THICKNESS_MM.contains(&h)).then(|| {
+        through::fault(
+            "thickness",
+            Grade::Wrong,
+            sides,
+            &["sigma_a", "sigma_s", "thickness"],
+            format!(
+                "capture.toml: {what} is {h}, and leaves are {} to {} mm thick ({guess}?); σa and σs are in inverse \
+                 proportion to it",
+                THICKNESS_MM.start(),
+                THICKNESS_MM.end()
+            ),
+        )
     })
 }
 
