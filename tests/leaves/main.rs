@@ -7,6 +7,7 @@ mod bad_scans;
 mod common;
 mod dome;
 mod dome_input;
+mod faults;
 mod fits;
 mod held_out;
 mod inspect;

@@ -18,10 +18,13 @@ const LIGHT: f64 = 0.02;
 const BESIDE: usize = 40;
 /// A photograph with so large a share of its texels at exactly its largest value is saturated.
 const SATURATED: f64 = 0.05;
+/// … and so many times as many as at the next smaller value.
+const PILED: usize = 4;
 /// An outline fits better when it is mirrored by this share of its area: not by chance, where a leaf is lopsided.
 const OUTLINE: f64 = 0.05;
 /// Frames of 8 bits hold at most this many different values.
 const LEVELS: usize = 280;
+
 /// Looks at the photographs of the light box, and at the values that the frames hold.
 ///
 /// # Errors
@@ -66,12 +69,15 @@ pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fa
     Ok(out)
 }
 
-/// Share of the values that equal the largest one.
+/// Share of the values that equal the largest one, where they pile up there: 0 where the next smaller value is about as
+/// frequent, as in a picture of few values.
 fn at_the_top(values: &[f32]) -> f64 {
-    let top = values.iter().copied().filter(|v| v.is_finite()).fold(f32::NEG_INFINITY, f32::max);
-    let (n, count) = values.iter().filter(|v| v.is_finite()).fold((0usize, 0usize), |(n, c), v| (n + 1, c + usize::from(*v == top)));
-    // All values of an even picture without noise may be one.
-    if n == count { 0.0 } else { count as f64 / n.max(1) as f64 }
+    let finite = || values.iter().copied().filter(|v| v.is_finite());
+    let top = finite().fold(f32::NEG_INFINITY, f32::max);
+    let next = finite().filter(|v| *v < top).fold(f32::NEG_INFINITY, f32::max);
+    let count = |of: f32| finite().filter(|v| *v == of).count();
+    let (at_top, below) = (count(top), count(next));
+    if below > 0 && at_top > PILED * below { at_top as f64 / finite().count() as f64 } else { 0.0 }
 }
 
 /// The light beside the leaf, with it and without.
