@@ -5,7 +5,6 @@
 use super::texels;
 use crate::Result;
 use crate::leaf::curve::{Curve, Incidence};
-use crate::leaf::faults::Bias;
 use crate::leaf::noise::Level;
 use crate::leaf::outliers;
 use crate::leaf::paper::{self, Paper};
@@ -55,10 +54,6 @@ pub struct Fitted {
     pub unexplained: Option<f64>,
     /// Bounds that the mean texel gives for a channel whose σa or σs is not determined.
     pub bounds: [Option<String>; 3],
-    /// How far the texels are from those under the cause that explains their traces; zero where they are explained.
-    pub bias: Bias,
-    /// Residuals over the noise where nothing explains them; 1 elsewhere.
-    pub scale: f64,
 }
 
 impl Fitted {
@@ -243,8 +238,6 @@ pub fn fit(
         figures,
         unexplained,
         bounds,
-        bias: Bias::default(),
-        scale: 1.0,
     })
 }
 

@@ -74,11 +74,11 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 
-/// Records the faults that were found, and takes them into account: what a wrong cause did to the texels widens their
-/// errors.
+/// Records the faults that were found, and takes them into account: the errors of the texels hold what a wrong cause did
+/// to them, and residuals that nothing explains.
 pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level: &mut Level) {
     for (fitted, (bias, scale)) in done.iter_mut().zip(found.bias.into_iter().zip(found.scale)) {
-        (fitted.bias, fitted.scale) = (bias, scale);
+        widen(&mut fitted.maps, bias, scale);
     }
     // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise from
     // both.
@@ -88,6 +88,33 @@ pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level
         (seen, _) => seen,
     };
     record.faults = found.faults;
+}
+
+/// Widens the standard errors of the merged parts. `scale`: residuals over the noise.
+fn widen(parts: &mut Maps, bias: Bias, scale: f64) {
+    let (chi2, freedom) = texels::chi2(parts);
+    // A texel whose own χ² is that large has wide errors already.
+    let own: Vec<bool> = chi2.iter().zip(freedom).map(|(c, f)| *c > f + 5.0 * (2.0 * f).sqrt()).collect();
+    let Bias { rho_d, rho_s, m, normal } = bias;
+    for (quantity, relative, absolute) in [
+        (Quantity::RhoD, rho_d, 0.0),
+        (Quantity::RhoS, rho_s, 0.0),
+        (Quantity::M, m, 0.0),
+        (Quantity::Normal, 0.0, normal),
+    ] {
+        for c in 0..quantity.letters().len() {
+            let value = parts.plane(quantity, c).unwrap_or_default().to_vec();
+            let Some(error) = texels::error_mut(parts, quantity, c) else { continue };
+            for (k, error) in error.iter_mut().enumerate() {
+                if scale > 1.0 && !own[k] {
+                    *error *= scale as f32;
+                }
+                if relative + absolute > 0.0 && value[k].is_finite() {
+                    *error = error.hypot(relative as f32 * value[k] + absolute as f32);
+                }
+            }
+        }
+    }
 }
 
 /// Reconstructs the blade from both sides' normals (the back's turned into the front's image).
@@ -210,8 +237,7 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
                 Quantity::M => slope(fitted, &good, width, height),
                 _ => filled(fitted.maps.plane(quantity, c).unwrap_or_default().to_vec()),
             };
-            let error = widened(fitted, quantity, texels::error(&fitted.maps, quantity, c).to_vec(), &value);
-            add(quantity, c, value, error);
+            add(quantity, c, value, texels::error(&fitted.maps, quantity, c).to_vec());
         }
     }
     for c in 0..3 {
@@ -236,32 +262,6 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
     values.add(Quantity::ReducedChi2, 0, reduced);
     (values, errors)
-}
-
-/// Standard errors that hold what a wrong cause did to the texels, and residuals that nothing explains.
-fn widened(fitted: &Fitted, quantity: Quantity, mut error: Vec<f32>, value: &[f32]) -> Vec<f32> {
-    if fitted.scale > 1.0 {
-        // A texel whose own χ² is that large has wide errors already.
-        let (chi2, freedom) = texels::chi2(&fitted.maps);
-        for ((error, chi2), freedom) in error.iter_mut().zip(chi2).zip(freedom) {
-            if *chi2 <= freedom + 5.0 * (2.0 * freedom).sqrt() {
-                *error *= fitted.scale as f32;
-            }
-        }
-    }
-    let Bias { rho_d, rho_s, m, normal } = fitted.bias;
-    let (relative, absolute) = match quantity {
-        Quantity::RhoD => (rho_d, 0.0),
-        Quantity::RhoS => (rho_s, 0.0),
-        Quantity::M => (m, 0.0),
-        _ => (0.0, normal),
-    };
-    if relative + absolute > 0.0 {
-        for (error, value) in error.iter_mut().zip(value) {
-            *error = error.hypot(relative as f32 * value + absolute as f32);
-        }
-    }
-    error
 }
 
 /// The slope m as renderers need it, without holes. A matte texel (ρs = 0, m undetermined with an infinite error) takes

@@ -50,6 +50,12 @@ pub fn error(parts: &Maps, quantity: Quantity, c: usize) -> &[f32] {
     parts.get(&format!("{ERROR}{}", quantity.channel(c))).unwrap_or_default()
 }
 
+/// The same to change.
+pub fn error_mut(parts: &mut Maps, quantity: Quantity, c: usize) -> Option<&mut Vec<f32>> {
+    let name = format!("{ERROR}{}", quantity.channel(c));
+    parts.channels.iter_mut().find(|(n, _)| *n == name).map(|(_, plane)| plane)
+}
+
 /// What one standard deviation of the dark frame does to channel `c` of ρd, of the merged parts.
 pub fn by_dark(parts: &Maps, c: usize) -> &[f32] {
     parts.get(&format!("{DARK}{}", Quantity::RhoD.channel(c))).unwrap_or_default()
