@@ -45,7 +45,9 @@ fn edit(capture: &Path, from: &str, to: &str) {
 fn a_clean_scan_has_no_fault() {
     let (record, level, sentence) = after(|_| {});
     assert!(record.faults.is_empty() && level == "good", "{sentence}; {:?}", record.faults);
-    assert!(record.sections["front"].counts["readings_discarded"] * 10_000 < record.sections["front"].counts["readings"]);
+    assert!(
+        record.sections["front"].counts["readings_discarded"] * 10_000 < record.sections["front"].counts["readings"]
+    );
 }
 
 #[test]

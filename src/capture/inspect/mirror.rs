@@ -86,8 +86,7 @@ fn judge(m: &Manifest, pass: &Pass, seen: &[Seen], found: &mut Inspection) {
     let (mean, middle) = (mean_of(&|s| s.offset), mean_of(&|s| s.expected));
     // A straight line through the offsets: a texel of another size makes them grow with the place.
     let spread = mean_of(&|s| (s.expected - middle).powi(2));
-    let slope =
-        if spread > 0.0 { mean_of(&|s| (s.expected - middle) * (s.offset - mean)) / spread } else { 0.0 };
+    let slope = if spread > 0.0 { mean_of(&|s| (s.expected - middle) * (s.offset - mean)) / spread } else { 0.0 };
     let square = |s: &Seen| (s.offset - mean - slope * (s.expected - middle)).powi(2);
     let freedom = if seen.len() > 2 { n - 2.0 } else { 1.0 };
     let scatter = (seen.iter().map(square).sum::<f64>() / freedom).sqrt();

@@ -2,9 +2,9 @@
 //! previews.
 
 use crate::Result;
-use crate::leaf::faults::{Bias, Findings, through};
 use crate::leaf::blade::{self, Blade, Grid, glb};
 use crate::leaf::defect::OF_SCANS;
+use crate::leaf::faults::{Bias, Findings, through};
 use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
@@ -169,8 +169,11 @@ pub fn side(
     if let Some(frames) = &judged.stored {
         write_exr(&File::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
     }
-    let section =
-        Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth, &record.faults) };
+    let section = Section {
+        held_out: judged.passes,
+        light_box: judged.light_box,
+        ..section(capture, fitted, level, truth, &record.faults)
+    };
     record.sections.insert(fitted.side.name().into(), section);
     Ok(())
 }
@@ -286,7 +289,8 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
     }
     let plane = |quantity| fitted.maps.scalar(quantity).unwrap_or_default();
     let undetermined = plane(Quantity::Undetermined);
-    let spoils = |quantity: &str| faults.iter().find(|f| f.grade == Grade::Wrong && f.spoils(fitted.side.name(), quantity));
+    let spoils =
+        |quantity: &str| faults.iter().find(|f| f.grade == Grade::Wrong && f.spoils(fitted.side.name(), quantity));
     let undetermined = if spoils(Quantity::RhoS.name()).is_some() {
         fitted.at.len()
     } else {

@@ -122,9 +122,9 @@ fn faults() -> Vec<Fault> {
         }),
         fault("leaf moved between the sides", "noticed: back-shifted", |c| {
             shift(&c.join("back/lightbox.exr"), [2, 1])?;
-            ["x", "y"].iter().try_for_each(|pass| {
-                (0..FRAMES).try_for_each(|k| shift(&frame(c, "back", pass, k), [2, 1]))
-            })
+            ["x", "y"]
+                .iter()
+                .try_for_each(|pass| (0..FRAMES).try_for_each(|k| shift(&frame(c, "back", pass, k), [2, 1])))
         }),
         fault("back not turned", "noticed: back-not-turned", |c| {
             flip(&c.join("back/lightbox.exr"))?;
@@ -391,7 +391,14 @@ mod tests {
     fn print_table() {
         let word = std::env::var("WORD").unwrap_or_default();
         for row in rows(&word).unwrap() {
-            println!("{} [{:.0} ms] {} -> {}\n     {}", if row.passed() { "ok " } else { "BAD" }, row.ms, row.case, row.expected, row.verdict);
+            println!(
+                "{} [{:.0} ms] {} -> {}\n     {}",
+                if row.passed() { "ok " } else { "BAD" },
+                row.ms,
+                row.case,
+                row.expected,
+                row.verdict
+            );
         }
     }
 

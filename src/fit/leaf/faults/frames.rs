@@ -266,10 +266,9 @@ pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
                     )
                 }
             }
-            Wrong::Gain(_) => (
-                "frame-dark",
-                format!("{here} shows no light (lamp off, or shutter shut); its readings are outliers"),
-            ),
+            Wrong::Gain(_) => {
+                ("frame-dark", format!("{here} shows no light (lamp off, or shutter shut); its readings are outliers"))
+            }
             Wrong::Channel(c, gain) => (
                 "frame-brightness",
                 format!(

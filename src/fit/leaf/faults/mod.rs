@@ -119,15 +119,17 @@ pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<Fault> {
 /// Noise that is not as stated, by the traces' roughness and by the differences of neighbouring texels.
 fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Option<Fault> {
     let beside: Vec<f64> = beside.iter().flatten().copied().collect();
-    let rough = level.seen?;
+    let rough = level.seen.filter(|_| !beside.is_empty())?;
     // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that were
     // resampled have neighbours that share noise, so noise that seems smaller is believed of both together only.
     let least = beside.iter().copied().fold(rough, f64::min);
     let most = beside.iter().copied().fold(rough, f64::max);
-    let (name, off) = match () {
-        () if least > 1.0 + NOISE => ("noise-understated", least),
-        () if most < 1.0 - NOISE => ("noise-overstated", most),
-        () => return None,
+    let (name, off) = if least > 1.0 + NOISE {
+        ("noise-understated", least)
+    } else if most < 1.0 - NOISE {
+        ("noise-overstated", most)
+    } else {
+        return None;
     };
     let effect = if off > 1.0 { "errors are too small by as much" } else { "errors are too large by as much" };
     Some(Fault {

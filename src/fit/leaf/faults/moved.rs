@@ -76,10 +76,7 @@ pub fn look(sample: &Sample, texel_mm: f64) -> Option<Fault> {
                     let g = [-0.5 * f64::from(r[c] - l[c]) / sd, -0.5 * f64::from(u[c] - d[c]) / sd];
                     squares += z * z;
                     readings += 1.0;
-                    shift.add(&Shift {
-                        normal: [g[0] * g[0], g[0] * g[1], g[1] * g[1]],
-                        pull: [g[0] * z, g[1] * z],
-                    });
+                    shift.add(&Shift { normal: [g[0] * g[0], g[0] * g[1], g[1] * g[1]], pull: [g[0] * z, g[1] * z] });
                 }
             }
             shifts.push(shift);

@@ -71,17 +71,15 @@ impl Sample {
     pub fn read(capture: &Capture, scan: &Scan, fitted: &Fitted, level: &Level) -> Result<Option<Sample>> {
         let m = &capture.manifest;
         let Some(texel) = texel_of(&fitted.maps) else { return Ok(None) };
-        let known: Vec<bool> =
-            (0..fitted.mask.len()).map(|k| fitted.measured.mask[k] && texel(k).is_some()).collect();
+        let known: Vec<bool> = (0..fitted.mask.len()).map(|k| fitted.measured.mask[k] && texel(k).is_some()).collect();
         let texels = choose(&known, m.width);
         if texels.is_empty() {
             return Ok(None);
         }
         let index = |t: &[u32; 2]| t[1] as usize * m.width + t[0] as usize;
         let place: HashMap<[u32; 2], usize> = texels.iter().enumerate().map(|(n, t)| (*t, n)).collect();
-        let beside = |t: &[u32; 2]| {
-            [[t[0] + 1, t[1]], [t[0], t[1].wrapping_sub(1)]].map(|next| place.get(&next).copied())
-        };
+        let beside =
+            |t: &[u32; 2]| [[t[0] + 1, t[1]], [t[0], t[1].wrapping_sub(1)]].map(|next| place.get(&next).copied());
         let mut sample = Sample {
             side: fitted.side,
             at: texels.iter().map(|t| m.texel_position(t[0] as usize, t[1] as usize)).collect(),
@@ -103,13 +101,7 @@ impl Sample {
     }
 }
 
-fn readings(
-    capture: &Capture,
-    scan: &Scan,
-    sample: &Sample,
-    travel: Travel,
-    positions: Vec<f64>,
-) -> Result<Readings> {
+fn readings(capture: &Capture, scan: &Scan, sample: &Sample, travel: Travel, positions: Vec<f64>) -> Result<Readings> {
     let frames: Vec<usize> = (0..positions.len()).collect();
     let predictor = Predictor::new(scan, travel, &positions);
     let predicted: Vec<[f32; 3]> = (0..sample.texels.len())

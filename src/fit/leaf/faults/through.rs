@@ -121,7 +121,8 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
     };
     let right = correlation(0, [0, 0]);
     let both = ["front", "back"];
-    let wrong = (1..4).map(|t| (correlation(t, [0, 0]), t)).filter(|c| c.0.is_finite()).max_by(|x, y| x.0.total_cmp(&y.0));
+    let wrong =
+        (1..4).map(|t| (correlation(t, [0, 0]), t)).filter(|c| c.0.is_finite()).max_by(|x, y| x.0.total_cmp(&y.0));
     let known = if right.is_finite() { right } else { -1.0 };
     if let Some((r, turn)) = wrong.filter(|w| w.0 > known + BETTER && w.0 > ALIKE) {
         let what = match turn {
@@ -148,7 +149,9 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
     let texels = front.mask.iter().filter(|m| **m).count().max(1) as f64;
     // Correlations by Fisher's transformation, whose standard error is 1/√n.
     let better = |r: f64| r.clamp(-0.999_99, 0.999_99).atanh() - known.clamp(-0.999_99, 0.999_99).atanh();
-    if let Some((r, shift)) = best.filter(|b| b.1 != [0, 0] && b.0 > ALIKE && better(b.0) > (6.0 / texels.sqrt()).max(0.1)) {
+    if let Some((r, shift)) =
+        best.filter(|b| b.1 != [0, 0] && b.0 > ALIKE && better(b.0) > (6.0 / texels.sqrt()).max(0.1))
+    {
         return Some(fault(
             "back-shifted",
             Grade::Wrong,
@@ -162,7 +165,8 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
         ));
     }
     // The level.
-    let ratios: Vec<f64> = (0..n).map(|k| a[k] - b[k / width * width + width - 1 - k % width]).filter(|v| v.is_finite()).collect();
+    let ratios: Vec<f64> =
+        (0..n).map(|k| a[k] - b[k / width * width + width - 1 - k % width]).filter(|v| v.is_finite()).collect();
     let apart = median(ratios);
     (apart.abs() > SIDES).then(|| {
         fault(

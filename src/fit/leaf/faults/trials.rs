@@ -148,8 +148,14 @@ impl<'a> Trials<'a> {
     /// chance. A few texels choose the likely causes, more of them find their amounts, and all decide.
     pub fn search(&self, noise: f64) -> Outcome {
         let base = self.fit(Cause::None, 1);
-        let mut out =
-            Outcome { before: base.chi2, after: base.chi2, noise, unexplained: false, causes: Vec::new(), bias: Bias::default() };
+        let mut out = Outcome {
+            before: base.chi2,
+            after: base.chi2,
+            noise,
+            unexplained: false,
+            causes: Vec::new(),
+            bias: Bias::default(),
+        };
         let chance = 6.0 * (2.0 / base.freedom).sqrt() * noise;
         let excess = base.chi2 - noise;
         if !(excess > chance.max(LEAST * noise)) {
@@ -296,11 +302,8 @@ impl<'a> Trials<'a> {
             .map(|p| {
                 let own = &self.sample.passes[p];
                 let exchanged = cause == Cause::Exchanged && count == 2;
-                let (readings, used) = if exchanged {
-                    (&self.sample.passes[1 - p], &self.used[1 - p])
-                } else {
-                    (own, &self.used[p])
-                };
+                let (readings, used) =
+                    if exchanged { (&self.sample.passes[1 - p], &self.used[1 - p]) } else { (own, &self.used[p]) };
                 let mut positions = own.positions.clone();
                 let turned = matches!(cause, Cause::Reversed(x, y) if [x, y][own.travel as usize]);
                 if turned {
@@ -312,13 +315,26 @@ impl<'a> Trials<'a> {
                     positions.iter_mut().for_each(|x| *x += d);
                 }
                 positions.truncate(readings.frames());
-                Pass { predictor: Predictor::new(scan, own.travel, &positions), travel: own.travel, positions, readings, used }
+                Pass {
+                    predictor: Predictor::new(scan, own.travel, &positions),
+                    travel: own.travel,
+                    positions,
+                    readings,
+                    used,
+                }
             })
             .collect()
     }
 
     /// χ², degrees of freedom and the texel.
-    fn fit_texel(&self, scratch: &mut Scratch, n: usize, cause: Cause, scan: &Scan, passes: &[Pass]) -> (f64, f64, Texel) {
+    fn fit_texel(
+        &self,
+        scratch: &mut Scratch,
+        n: usize,
+        cause: Cause,
+        scan: &Scan,
+        passes: &[Pass],
+    ) -> (f64, f64, Texel) {
         let at = place(self.sample.at[n], cause, self.scan);
         let data: Vec<Data> = passes.iter().map(|pass| self.data(n, cause, scan, pass)).collect();
         let readings: usize = data.iter().map(|d| d.iter().flatten().filter(|r| r[1] > 0.0).count()).sum();
@@ -372,9 +388,7 @@ impl<'a> Trials<'a> {
                     let change = |y: f64| match cause {
                         Cause::Offset(a) => y - a,
                         Cause::Dark(b) => (y * gain - b) / (gain - b / was),
-                        Cause::Coded(coding, false) => {
-                            (coding.linear(y * gain + dark) - coding.linear(dark)) / gain
-                        }
+                        Cause::Coded(coding, false) => (coding.linear(y * gain + dark) - coding.linear(dark)) / gain,
                         Cause::Coded(coding, true) => {
                             let white = (coding.linear(gain * was + dark) - coding.linear(dark)) / was;
                             (coding.linear(y * gain + dark) - coding.linear(dark)) / white

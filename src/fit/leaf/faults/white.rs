@@ -77,8 +77,7 @@ pub fn look(capture: &Capture, level: &Level) -> Whites {
         spread(m.height).into_iter().flat_map(|j| spread(m.width).into_iter().map(move |i| [i, j])).collect();
     let frames = |pass: &Pass| {
         let positions = pass.positions();
-        let gain: Option<Vec<_>> =
-            (0..positions.len()).map(|k| capture.gain_of_frame(pass.name, k, &texels)).collect();
+        let gain: Option<Vec<_>> = (0..positions.len()).map(|k| capture.gain_of_frame(pass.name, k, &texels)).collect();
         Some(Frames { travel: pass.name, positions, gain: gain? })
     };
     let passes: Vec<Frames> = m.passes.iter().filter_map(frames).collect();
