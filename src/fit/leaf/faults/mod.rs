@@ -6,15 +6,16 @@
 //! frames) and from what would matter (a share of the light). None is fitted to an outcome.
 
 mod boxes;
+mod causes;
 mod frames;
 mod moved;
+mod refit;
 mod sample;
 mod sentences;
 pub mod through;
 mod trials;
 mod white;
 
-pub use sample::Sample;
 pub use trials::Bias;
 
 use crate::Result;
@@ -26,6 +27,7 @@ use mesophyll_capture::reader::Capture;
 use mesophyll_optics::tube::Travel;
 use mesophyll_record::fault::{Fault, Grade};
 use mesophyll_record::scan::Scan;
+use sample::Sample;
 use trials::Trials;
 
 /// Thickness (mm) of leaves: filmy ferns have .01, succulents some millimetres.

@@ -1,6 +1,7 @@
 //! What the trials and the white frames found, in sentences.
 
-use super::trials::{Cause, Coding, Outcome};
+use super::causes::{Cause, Coding};
+use super::trials::Outcome;
 use super::white::{Amiss, Whites};
 use mesophyll_capture::manifest::Manifest;
 use mesophyll_optics::side::Side;

@@ -3,20 +3,18 @@
 //! coding of the frames, a pass in reverse. The cause that explains most of what is left is the likely one, and its
 //! amount is found on the way. Causes that explain it equally well are all named.
 
-use super::sample::{Readings, Sample};
-use crate::gloss::normal_slopes;
+use super::causes::{Cause, Coding, Family, device, place};
+use super::refit::{Data, PARAMETERS, Pass, descend};
+use super::sample::Sample;
 use crate::leaf::held_out::{Predictor, Scratch, Texel};
 use mesophyll_capture::calibrate::white_response;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 use mesophyll_record::scan::Scan;
-use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
 /// Texels that are fitted again.
 const TEXELS: usize = 40;
-/// Steps of a fit at most.
-const STEPS: usize = 14;
 /// A cause is named where it takes away at least this share of what χ² has above the noise.
 pub const EXPLAINS: f64 = 0.6;
 /// χ² that is less than this share above the noise is not worth a search.
@@ -25,69 +23,6 @@ const LEAST: f64 = 0.04;
 const REFINED: usize = 7;
 /// Causes whose share is smaller than the best one's by no more than this are named beside it.
 const TIE: f64 = 0.04;
-
-/// How frames or photographs may have been coded.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Coding {
-    /// The curve of sRGB (IEC 61966-2-1).
-    Srgb,
-    /// A power of 1/2.2.
-    Gamma,
-}
-
-impl Coding {
-    /// The linear value of a coded one.
-    pub fn linear(self, value: f64) -> f64 {
-        match self {
-            Coding::Srgb if value <= 0.040_45 => value / 12.92,
-            Coding::Srgb => ((value + 0.055) / 1.055).powf(2.4),
-            Coding::Gamma => value.max(0.0).powf(2.2),
-        }
-    }
-
-    /// Its name in a sentence.
-    pub fn name(self) -> &'static str {
-        match self {
-            Coding::Srgb => "sRGB",
-            Coding::Gamma => "a gamma of 2.2",
-        }
-    }
-}
-
-/// What could be wrong with a scan, and by how much.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cause {
-    /// Nothing.
-    None,
-    /// `camera_deg` should be this.
-    Camera(f64),
-    /// `tube.height_mm`.
-    Height(f64),
-    /// `tube.length_mm`.
-    Length(f64),
-    /// `tube.radius_mm`.
-    Radius(f64),
-    /// `texel_mm`.
-    Texel(f64),
-    /// The tube of a pass stood this much farther (mm).
-    Zero(Travel, f64),
-    /// A constant of this size (calibrated) is in every reading.
-    Offset(f64),
-    /// A constant of this size (camera's values) is in frames and white frames.
-    Dark(f64),
-    /// Frames, or frames and white frames, are coded.
-    Coded(Coding, bool),
-    /// The frames of these passes run the other way.
-    Reversed(bool, bool),
-    /// The frames of each pass are those of the other.
-    Exchanged,
-    /// Columns run the other way.
-    Mirrored,
-    /// The surface's lobe is another one.
-    Surface(Lobe),
-    /// The light changed evenly by this share over the pass x, y, or both.
-    Drift(Option<Travel>, f64),
-}
 
 /// How far a quantity of the texels is from what it is under the right cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -129,11 +64,6 @@ pub struct Trials<'a> {
     /// Readings that count: frames by pass.
     used: Vec<Vec<bool>>,
 }
-
-/// Residuals' slopes: ρd and ρs a channel, ln m, two tilts.
-const PARAMETERS: usize = 9;
-type Vector = SVector<f64, PARAMETERS>;
-type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
 impl<'a> Trials<'a> {
     /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel.
@@ -406,150 +336,10 @@ impl<'a> Trials<'a> {
     }
 }
 
-/// A cause whose amount is open, with a range of amounts to begin with; of a cause without an amount, one entry.
-struct Family {
-    of: Box<dyn Fn(f64) -> Cause>,
-    grid: Vec<f64>,
-}
-
-impl Family {
-    fn of(of: fn(f64) -> Cause, grid: Vec<f64>) -> Family {
-        Family { of: Box::new(of), grid }
-    }
-
-    fn one(cause: Cause) -> Family {
-        Family { of: Box::new(move |_| cause), grid: vec![0.0] }
-    }
-}
-
-/// Value and inverse standard deviation, by frame and channel.
-type Data = Vec<[[f64; 2]; 3]>;
-
-struct Pass<'a> {
-    predictor: Predictor,
-    travel: Travel,
-    positions: Vec<f64>,
-    readings: &'a Readings,
-    used: &'a [bool],
-}
-
 struct Fits {
     chi2: f64,
     freedom: f64,
     texels: Vec<Texel>,
-}
-
-/// The device under a cause.
-fn device(scan: &Scan, cause: Cause) -> Scan {
-    let mut scan = scan.clone();
-    match cause {
-        Cause::Camera(deg) => scan.camera_deg = deg,
-        Cause::Height(mm) => scan.tube_height_mm = mm,
-        Cause::Length(mm) => scan.tube_length_mm = mm,
-        Cause::Radius(mm) => scan.tube_radius_mm = mm.min(0.9 * scan.tube_height_mm),
-        Cause::Surface(lobe) => (scan.lobe, scan.lobe_index) = Scan::name_lobe(lobe),
-        _ => {}
-    }
-    scan
-}
-
-/// The place of a texel under a cause.
-fn place(at: [f64; 2], cause: Cause, scan: &Scan) -> [f64; 2] {
-    match cause {
-        Cause::Texel(mm) => at.map(|x| x * mm / scan.texel_mm),
-        Cause::Mirrored => [-at[0], at[1]],
-        _ => at,
-    }
-}
-
-/// Levenberg–Marquardt from `start`. Returns χ² and the texel.
-fn descend(scratch: &mut Scratch, start: Texel, at: [f64; 2], passes: &[Pass], data: &[Data]) -> (f64, Texel) {
-    let tilts = passes.len().min(2);
-    let texel = |p: &Vector| Texel {
-        rho_d: [p[0], p[1], p[2]],
-        rho_s: [p[3], p[4], p[5]],
-        m: p[6].exp(),
-        normal: crate::gloss::normal_of([p[7], p[8]]),
-    };
-    let n = start.normal;
-    let mut p = Vector::from_column_slice(&[
-        start.rho_d[0],
-        start.rho_d[1],
-        start.rho_d[2],
-        start.rho_s[0],
-        start.rho_s[1],
-        start.rho_s[2],
-        start.m.clamp(0.02, 1.0).ln(),
-        n[0].atan2(n[2]),
-        if tilts == 2 { n[1].clamp(-1.0, 1.0).asin() } else { 0.0 },
-    ]);
-    let mut damping = 1e-3;
-    let mut here = sums(scratch, &p, &texel(&p), at, passes, data, tilts);
-    for _ in 0..STEPS {
-        let (chi2, normal, gradient) = &here;
-        let mut damped = *normal;
-        for i in 0..PARAMETERS {
-            damped[(i, i)] = normal[(i, i)] * (1.0 + damping) + 1e-12;
-        }
-        let Some(step) = damped.cholesky().map(|c| c.solve(gradient)) else { break };
-        let mut next = p + step;
-        next[6] = next[6].clamp(0.01f64.ln(), 1.2f64.ln());
-        (next[7], next[8]) = (next[7].clamp(-1.05, 1.05), next[8].clamp(-1.05, 1.05));
-        let there = sums(scratch, &next, &texel(&next), at, passes, data, tilts);
-        if there.0 < *chi2 {
-            let small = chi2 - there.0 < 0.05;
-            (p, here) = (next, there);
-            damping = (damping * 0.2).max(1e-7);
-            if small {
-                break;
-            }
-        } else {
-            damping *= 8.0;
-            if damping > 1e6 {
-                break;
-            }
-        }
-    }
-    (here.0, texel(&p))
-}
-
-/// χ², the normal matrix and the (descending) gradient.
-fn sums(
-    scratch: &mut Scratch,
-    p: &Vector,
-    texel: &Texel,
-    at: [f64; 2],
-    passes: &[Pass],
-    data: &[Data],
-    tilts: usize,
-) -> (f64, Matrix, Vector) {
-    let (mut chi2, mut normal, mut gradient) = (0.0, Matrix::zeros(), Vector::zeros());
-    let slopes = normal_slopes([p[7], p[8]]);
-    for (pass, data) in passes.iter().zip(data) {
-        let columns = pass.predictor.columns(scratch, texel, at, &slopes[..tilts]);
-        for (k, channels) in data.iter().enumerate() {
-            for (c, [y, weight]) in channels.iter().enumerate().filter(|(_, r)| r[1] > 0.0) {
-                let (d, s) = (texel.rho_d[c], texel.rho_s[c]);
-                let r = weight * (y - d * columns[0][k] - s * columns[1][k]);
-                chi2 += r * r;
-                let mut j = [0.0; 5];
-                j[0] = weight * columns[0][k];
-                j[1] = weight * columns[1][k];
-                j[2] = weight * s * texel.m * columns[2][k];
-                for t in 0..tilts {
-                    j[3 + t] = weight * (d * columns[3 + 2 * t][k] + s * columns[4 + 2 * t][k]);
-                }
-                let index = [c, 3 + c, 6, 7, 8];
-                for a in 0..5 {
-                    gradient[index[a]] += j[a] * r;
-                    for b in 0..5 {
-                        normal[(index[a], index[b])] += j[a] * j[b];
-                    }
-                }
-            }
-        }
-    }
-    (chi2, normal, gradient)
 }
 
 fn bias(before: &[Texel], after: &[Texel]) -> Bias {

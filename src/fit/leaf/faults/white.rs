@@ -1,7 +1,7 @@
 //! The white frames alone: a sheet whose fall-off is known tells whether the tube stands where capture.toml says, whether
 //! dark light was taken off, and whether the frames are linear. The angle of the camera plays no part in it.
 
-use super::trials::Coding;
+use super::causes::Coding;
 use crate::leaf::noise::Level;
 use mesophyll_capture::calibrate::white_response;
 use mesophyll_capture::manifest::Pass;
