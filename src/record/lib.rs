@@ -4,6 +4,7 @@
 #![warn(missing_docs)]
 
 mod consistency;
+pub mod fault;
 mod kind;
 pub mod maker;
 pub mod scan;
@@ -14,6 +15,7 @@ pub use kind::FitKind;
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, claim, hash};
 use mesophyll_solve::{Termination, TraceRow};
+use fault::Fault;
 use scan::{HeldOut, LightBox, Scan};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -124,6 +126,10 @@ pub const NOISE_SEEN: &str = "noise_seen_over_stated";
 /// Option: what the mirror strip shows of the device's geometry. It begins with `warning:` where it contradicts the
 /// capture.
 pub const MIRROR: &str = "mirror";
+/// Count: readings that the fit of the texels left out as outliers.
+pub const DISCARDED: &str = "readings_discarded";
+/// Count: readings of the texels that were fitted, with those left out.
+pub const READINGS: &str = "readings";
 
 /// Figures that exist where the truth has another gauge than the fit. This one is the mean true thickness over the good
 /// texels relative to the fit's, less 1.
@@ -163,6 +169,9 @@ pub struct FitRecord {
     /// The device of a scan under a tube.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<Scan>,
+    /// Faults of the measurement that its data show.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<Fault>,
     /// Sections by name: `front`, `back`, or `all`.
     #[serde(flatten)]
     pub sections: BTreeMap<String, Section>,

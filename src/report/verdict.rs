@@ -7,7 +7,8 @@ use crate::view::MANY;
 use crate::{captures, held_out, residuals};
 use mesophyll_fit_translucency::judge::NAMES;
 use mesophyll_optics::defect::Defect;
-use mesophyll_record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
+use mesophyll_record::fault::Grade;
+use mesophyll_record::{DISCARDED, FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, READINGS};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,6 +16,8 @@ use std::path::Path;
 /// Shares of good texels on the leaf above which a leaf is good, and below which it is bad.
 const TEXELS_GOOD: f64 = 0.98;
 const TEXELS_BAD: f64 = 0.9;
+/// Share of readings that may be left out as outliers: noise reaches that far in one of 150,000.
+const DISCARDED_GOOD: f64 = 0.001;
 /// Share of runs (texels) that stopped without converging.
 const RUNS_GOOD: f64 = 0.002;
 const RUNS_BAD: f64 = 0.1;
@@ -44,6 +47,10 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         Some(t) => say(Level::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),
         None => {}
     }
+    for fault in &record.faults {
+        let level = if fault.grade == Grade::Wrong { Level::Bad } else { Level::Doubtful };
+        say(level, fault.says.clone());
+    }
     for s in &report.sections {
         let side = if s.name == "all" { String::new() } else { format!("{}: ", s.name) };
         approximation(&side, s, &mut say);
@@ -53,6 +60,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
             say(level, format!("{side}{text}"));
         }
         texels(&side, s, &record.defects, &mut say);
+        discarded(&side, s, &mut say);
         shared_problems(&side, s, &mut say);
         let (stopped, all) = terminations(s);
         if stopped > 0 {
@@ -186,6 +194,18 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
         _ => Level::Bad,
     };
     say(level, fact);
+}
+
+/// Readings that the fit left out as outliers.
+fn discarded(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+    let (Some(&left_out), Some(&all)) = (s.counts.get(DISCARDED), s.counts.get(READINGS)) else { return };
+    if left_out == 0 {
+        return;
+    }
+    let share = left_out as f64 / all.max(1) as f64;
+    let level = if share > DISCARDED_GOOD { Level::Doubtful } else { Level::Good };
+    let (left_out, all) = (count(left_out), count(all));
+    say(level, format!("{side}{left_out} of {all} readings were left out as outliers ({})", percent(share)));
 }
 
 /// The number of runs that did not converge and the number of all runs, over the texels. The leaf-wide problem

@@ -8,6 +8,7 @@ mod common;
 mod consistent;
 mod dome;
 mod dome_input;
+mod faults;
 mod fits;
 mod held_out;
 mod inspect;
