@@ -126,7 +126,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let table = spectra::open(&args.io.input)?;
     if let Some(stated) = table.stated() {
-        stated.check_index(table.name(), 1.0)?;
+        stated.check_index(table.name(), args.index)?;
     }
     let mut names = column_names(&args.columns, &table)?;
     spectra::find(&table, &INPUTS, &mut names)?;
