@@ -2,6 +2,7 @@
 
 #![warn(missing_docs)]
 
+pub mod adequacy;
 pub mod damped;
 pub mod decompose;
 pub mod global;
@@ -14,6 +15,7 @@ pub mod qr;
 pub mod trace;
 pub mod uncertainty;
 
+pub use adequacy::{Adequacy, Along, Readings, judge};
 pub use lm::{Fit, Options};
 pub use problem::{Closure, Problem};
 pub use trace::{Termination, Trace, TraceRow};

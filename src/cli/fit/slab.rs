@@ -125,6 +125,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::Usage("--specular excluded needs --index: at index 1 the faces reflect nothing".into()));
     }
     let table = spectra::open(&args.io.input)?;
+    if let Some(stated) = table.stated() {
+        stated.check_index(table.name(), args.index)?;
+    }
     let mut names = column_names(&args.columns, &table)?;
     spectra::find(&table, &INPUTS, &mut names)?;
     let some_known = names[5..7].iter().any(|name| table.column(name).is_some());
@@ -140,6 +143,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         } else {
             Vec::new()
         };
+    let shares_are_there = !wide.is_empty() || names[..2].iter().any(|name| table.column(name).is_some());
+    if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+        let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
+        return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
+    }
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
     let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
     let mut spec = Spec {

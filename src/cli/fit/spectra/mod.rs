@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Names of the column with the leaf's name; the first one that exists is used.
-pub const LEAF: [&str; 5] = ["leaf", "leaf_id", "sample", "sample_id", "id"];
+pub const LEAF: [&str; 4] = ["leaf", "leaf_id", "sample", "sample_id"];
 
 /// A column of readings.
 #[derive(Debug, Clone, PartialEq)]
@@ -264,9 +264,17 @@ impl Shares {
     /// Judges the first rows of `columns`. `percent` says that they are in per cent.
     ///
     /// # Errors
-    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise.
+    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise, and for a file of an
+    /// instrument whose form states the other unit.
     pub fn of(table: &Table, columns: &[String], percent: bool) -> Result<Shares> {
-        let values = table.head(columns);
+        let scale = if percent { 0.01 } else { 1.0 };
+        if let Some(stated) = table.stated().filter(|stated| stated.unit.is_some()) {
+            stated.check_percent(table.name(), percent)?;
+            return Ok(Shares { scale, unsaid: false });
+        }
+        // Marks of missing readings tell nothing.
+        let mut values = table.head(columns);
+        values.retain(|v| (-0.9..=200.0).contains(v));
         let named = columns.iter().any(|c| table.column(c).is_some() && Name::of(c).is_some_and(|n| n.percent));
         if percent && !named && percent::are_fractions(&values) {
             let largest = values.iter().fold(0.0, |a: f64, v| a.max(*v));
@@ -275,7 +283,7 @@ impl Shares {
             return Err(Error::input(table.name(), what));
         }
         let unsaid = !percent && (named || percent::looks(&values));
-        Ok(Shares { scale: if percent { 0.01 } else { 1.0 }, unsaid })
+        Ok(Shares { scale, unsaid })
     }
 
     /// Why these readings are refused before they are computed, if the whole table plainly is in per cent.
