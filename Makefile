@@ -50,7 +50,7 @@ fits: build
 	@rm -f out/fits/report.html
 	@code=0; $(MESOPHYLL) run data/scenes/fits.toml --write-fits --out out/fits || code=$$?; \
 	if [ $$code -le 1 ]; then \
-	    $(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis \
+	    $(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis --load even \
 	        -o fits/elm-twig --out out/fits/elm-twig.csv || code=$$?; \
 	fi; \
 	$(call ended,out/fits/report.html)

@@ -1,6 +1,7 @@
 //! Beams, branches and wind.
 //!
-//! A branch is a linearly tapered beam, clamped at its root, under a load that is spread evenly along it ([`beam`]).
+//! A branch is a linearly tapered beam, clamped at its root, under a load that is spread evenly along it ([`beam`]);
+//! under other loads ([`load`]) and bent strongly it is an [`elastica`].
 //! For a renderer its deflection is four numbers in a coordinate that follows the taper ([`taper`]); [`length`] keeps a
 //! bent branch as long as it was; [`branch`] moves vertices, tangents and normals with it; [`wind`] and [`motion`] make
 //! it sway.
@@ -12,7 +13,9 @@
 
 pub mod beam;
 pub mod branch;
+pub mod elastica;
 pub mod length;
+pub mod load;
 pub mod motion;
 pub mod motion_spectrum;
 pub mod quadrature;

@@ -116,7 +116,7 @@ fn what_is_no_spectrum_is_said() {
     assert!(bare.contains("350, 351, 352, 353 and so on look like wavelengths") && bare.len() < 500, "{bare}");
     let fractions = said("leaf,R500,T500\na,0.1,0.2\n", &["--percent"]);
     assert!(fractions.contains("fractions of 1 already"), "{fractions}");
-    assert!(said("leaf,wavelength_nm,rho\na,500,0.1\n", &[]).contains("expected R or T beside wavelength_nm"));
+    assert!(said("leaf,wavelength_nm,albedo\na,500,0.1\n", &[]).contains("expected R or T beside wavelength_nm"));
     assert!(said("leaf,R500\na,0.1\n", &["--plots", "p"]).contains("--plots draws spectra in long form"));
     let out = Command::cargo_bin("mesophyll")
         .unwrap()
@@ -282,5 +282,5 @@ fn a_leaf_survives_its_bad_readings() {
     assert!(code == Some(2) && said.contains("chlorophyll_ug_cm2: the input already has this output column"), "{said}");
     let (_, said, code) = fit(&table.replace("chlorophyll", "note"), &["-o", "oak.csv"]);
     assert!(code == Some(2) && said.contains("is what is to be read"), "{said}");
-    assert!(start.elapsed().as_secs_f64() < 1.5, "{:?}", start.elapsed());
+    assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
 }

@@ -64,6 +64,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     // No view is needed, but all leaves must be there.
     manifest.look_from_above();
     let scene = Scene::open(manifest, search, &ledger)?;
+    scene.require_sound_fits(&ledger)?;
     let world = reference::traced(&scene, 0.0, &ledger)?;
     let canopy = Canopy::new(&world, args.seed).map_err(|what| Error::input(&args.scene, what))?;
     let channel = ["R", "G", "B"].iter().position(|c| *c == args.channel).unwrap_or(1);

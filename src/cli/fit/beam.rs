@@ -8,7 +8,9 @@ use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::say;
 use mesophyll_files::table::{self, BatchIo, Spec, Table};
 use mesophyll_fit_branch::beam::measured::Along;
+use mesophyll_fit_branch::beam::record::Asked;
 use mesophyll_fit_branch::beam::{self, basis, deflections, record};
+use mesophyll_plant::load::Load;
 use mesophyll_proof::beam::figures;
 use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
@@ -41,6 +43,11 @@ pub struct Args {
     /// With --deflections: what positions were measured along
     #[arg(long, value_parser = named::<Along>(), default_value_t = Along::Branch, requires = "deflections")]
     positions: Along,
+    /// With --deflections: how the load hangs on the branch: tip, even (along the branch), own-weight (in proportion to
+    /// the cross-section), or the distance of a single load from the root, up to 1 as a share of the length and above 1
+    /// in mm. Without it the load is taken as even, and a branch whose readings speak for another is undetermined
+    #[arg(long, value_name = "LOAD", requires = "deflections")]
+    load: Option<Load>,
     /// With --deflections: standard error of a deflection where the file states none (default: from the scatter)
     #[arg(long, value_name = "MM", requires = "deflections")]
     noise: Option<f64>,
@@ -120,7 +127,9 @@ fn basis_to(folder: &Path, common: &Common) -> Result<()> {
 
 fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path>, common: &Common) -> Result<u8> {
     deflections::check_noise(args.noise)?;
-    let (branches, fits) = record::branches_to(path, folder, args.noise, args.positions)?;
+    let (branches, fits) =
+        record::branches_to(path, folder, args.noise, Asked { along: args.positions, load: args.load })?;
+    deflections::notes(&branches, &fits, args.load).into_iter().for_each(say);
     let tally = deflections::write(&branches, &fits, path, &io.rows(common.json))?;
     batch::say_tally(&tally, io, common, "branch")?;
     Ok(0)

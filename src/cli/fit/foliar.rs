@@ -298,7 +298,7 @@ fn long(
     }
     let light_of = |row: &GroupRow, c: &Column| {
         let side = c.side.map_or_else(|| side(row.texts[0].as_deref()), Ok);
-        side.map(|side| (unit_nm * row.values[0], side))
+        side.map(|side| (spectra::in_nm(row.values[0], *unit_nm), side))
     };
     let key = |(wavelength, side): (f64, Side)| (wavelength.to_bits(), side == Side::Back);
     // Readings outside the table of pigments are left out below.

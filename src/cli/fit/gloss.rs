@@ -5,7 +5,7 @@ use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use clap::builder::TypedValueParser;
 use mesophyll_capture::goniometer;
-use mesophyll_files::table::{self, BatchIo, Table, Tally};
+use mesophyll_files::table::{self, BatchIo, LeftOut, Table, Tally};
 use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
 use mesophyll_fit::gloss::samples::{self, INDEX, Settings, Surface, Tilts};
 use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter};
@@ -194,12 +194,15 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
     let spec = table::Spec {
         // An empty cell is no reading.
         optional: columns.clone(),
+        readings: columns.clone(),
         // The status of an earlier step (`eval gloss`) is replaced by that of this one.
         dropped: columns.into_iter().chain(["status".into()]).collect(),
         outputs: TexelFit::outputs(channels),
         ..table::Spec::default()
     };
-    table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let (name, left) = (table.name().to_path_buf(), LeftOut::default());
+    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+        row.faults().for_each(|(_, why)| left.add(row.line(), why));
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
         thread_local!(static SCRATCH: RefCell<mesophyll_fit::gloss::Workspace> = RefCell::default());
@@ -209,5 +212,7 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
             (fit, found)
         });
         out.push(fit.judged(found.as_ref(), channels));
-    })
+    })?;
+    left.say(&name);
+    Ok(tally)
 }

@@ -119,7 +119,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "ms": 1e3 * fitted.seconds(),
         }))?;
     }
-    Ok(0)
+    super::judged(&args.output)
 }
 
 fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
@@ -163,5 +163,5 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
             "status": found.status.to_string(),
         }))?;
     }
-    Ok(0)
+    super::judged(&args.output)
 }

@@ -9,7 +9,7 @@ use super::{Answer, Output, Plan, Record, Sink, Spec, Status, Table, Tally, coun
 use crate::progress::{self, Bar};
 use crate::{Error, Result};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// One row of a group.
@@ -196,7 +196,8 @@ impl Group {
 fn leave_out_repeated(table: &Table, spec: &Spec, groups: &mut [Group]) {
     let names: Vec<&String> = spec.required.iter().chain(&spec.optional).collect();
     for physical in &spec.physical {
-        let places: Vec<usize> = (0..names.len()).filter(|&k| physical.columns.contains(names[k])).collect();
+        let columns: HashSet<&String> = physical.columns.iter().collect();
+        let places: Vec<usize> = (0..names.len()).filter(|&k| columns.contains(names[k])).collect();
         let rows = groups.iter().flat_map(|group| &group.rows);
         let Some(mark) = repeated(physical.range, rows.flat_map(|row| places.iter().map(|&k| row.values[k]))) else {
             continue;

@@ -125,6 +125,7 @@ impl Plan {
 
     /// Sets what is possible in some columns.
     pub(super) fn bound(&mut self, columns: &[String], possible: Possible) {
+        let columns: HashSet<&String> = columns.iter().collect();
         self.numbers.iter_mut().filter(|c| columns.contains(&c.name)).for_each(|c| c.possible = possible);
     }
 

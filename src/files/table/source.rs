@@ -5,6 +5,7 @@ use super::dialect::Dialect;
 use super::lines::{Encoding, FromUtf16};
 use super::record::{Record, Splitter};
 use super::rows::{Block, LARGEST_BLOCK, Rows};
+use crate::instrument::{self, Stated};
 use crate::{Error, Result};
 use crate::{atomic, progress};
 use std::collections::HashMap;
@@ -29,6 +30,8 @@ pub struct Table {
     name: PathBuf,
     /// The file, or `-`.
     source: PathBuf,
+    /// What the file states besides its cells, where it is one of an instrument.
+    stated: Option<Stated>,
     /// Names of the columns.
     pub header: Vec<String>,
     places: HashMap<String, usize>,
@@ -46,7 +49,7 @@ const LONGEST_HEAD: usize = 1 << 23;
 const SHOWN: usize = 10;
 
 impl Table {
-    /// Opens `path` (`-`: standard input) and reads the header line.
+    /// Opens `path` (`-`: standard input) and reads the header line. A file of an instrument becomes a table first.
     ///
     /// # Errors
     /// [`Error::Input`] for a missing file, no header, or a column named twice.
@@ -57,7 +60,8 @@ impl Table {
             let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
             (Box::new(file), path.to_path_buf())
         };
-        Ok(Table { source: path.to_path_buf(), ..Table::from_reader(source, name)? })
+        let (source, stated) = instrument::through(source, &name)?;
+        Ok(Table { source: path.to_path_buf(), stated, ..Table::from_reader(source, name)? })
     }
 
     /// A table from any source; `name` takes the place of the file's name in messages. The form of the table is told by
@@ -70,7 +74,11 @@ impl Table {
         let (head, whole, rest, encoding) = begin(source).map_err(|e| unreadable(&e))?;
         let dialect = Dialect::of(&head, whole);
         let utf_16 = (encoding != Encoding::Utf8).then(|| "as UTF-16".to_string());
-        let parts: Vec<String> = utf_16.into_iter().chain(dialect.words()).collect();
+        let form = dialect.words().map(|words| match words.starts_with("separated") && utf_16.is_none() {
+            true => format!("as {words}"),
+            false => words,
+        });
+        let parts: Vec<String> = utf_16.iter().cloned().chain(form).collect();
         let mut rows: Rows<Source> = Rows::new(Box::new(Cursor::new(head.clone()).chain(rest)), &dialect);
         let before = rows.skip(dialect.skipped).map_err(|e| unreadable(&e))?;
         let mut table = Table {
@@ -83,6 +91,7 @@ impl Table {
             handed: 0,
             source: name.clone(),
             name,
+            stated: None,
             header: Vec::new(),
             places: HashMap::new(),
         };
@@ -111,7 +120,10 @@ impl Table {
         }
         let line = record.line.max(1);
         let cell = |k: usize| match record.text(Some(k)) {
-            Some(Ok(text)) => Ok(text.trim_start_matches('\u{feff}').trim().to_string()),
+            // What was no text in UTF-16 is a replacement character.
+            Some(Ok(text)) if !text.contains(char::REPLACEMENT_CHARACTER) => {
+                Ok(text.trim_start_matches('\u{feff}').trim().to_string())
+            }
             _ => Err(Error::input(name, format!("line {line}: not valid UTF-8 text"))),
         };
         let mut header = (0..record.len()).map(cell).collect::<Result<Vec<String>>>()?;
@@ -145,6 +157,11 @@ impl Table {
         &self.name
     }
 
+    /// What the file states besides its cells; `None` for a plain table.
+    pub fn stated(&self) -> Option<&Stated> {
+        self.stated.as_ref()
+    }
+
     /// Position of a column.
     pub fn column(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
@@ -152,8 +169,9 @@ impl Table {
 
     /// Position of a column that must be there.
     pub fn require(&self, name: &str) -> Result<usize> {
-        self.column(name).ok_or_else(|| {
-            Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header()))
+        self.column(name).ok_or_else(|| match &self.stated {
+            Some(stated) => Error::input(&self.name, stated.lacks(name)),
+            None => Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header())),
         })
     }
 
@@ -296,7 +314,7 @@ impl Table {
             &self.name,
             format!(
                 "{answered} of its {there} lines below the header were answered, expected all; this is a fault of the \
-                 program, and nothing was written"
+                 program, and no file was written"
             ),
         ))
     }

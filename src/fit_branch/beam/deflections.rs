@@ -10,12 +10,15 @@
 //! | `position_mm` | distance of the mark from the root |
 //! | `deflection_mm` | how far the load moved the mark across the branch |
 //! | `deflection_err_mm` | its standard error; optional, without it the scatter of the residuals is used |
-//! | `load_n`, `load_err_n` | the whole load, spread evenly along the branch; optional |
+//! | `load_n`, `load_err_n` | the whole load; optional |
 //! | `modulus_gpa`, `modulus_err_gpa` | modulus of elasticity; optional |
+//!
+//! A cell that cannot be read costs its own reading; the rest of the branch is fitted.
 
 use super::measured::{Along, Branch, Measured, Reading, fit};
 use crate::{Error, Result};
 use mesophyll_files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
+use mesophyll_plant::load::Load;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::Path;
@@ -39,14 +42,23 @@ pub const OUTPUTS: [&str; 12] = [
 const REQUIRED: [&str; 4] = ["branch", "length_mm", "position_mm", "deflection_mm"];
 const OPTIONAL: [&str; 5] = ["deflection_err_mm", "load_n", "load_err_n", "modulus_gpa", "modulus_err_gpa"];
 
-/// A branch as it was read, or the reason why it cannot be used.
-pub type Named = (String, std::result::Result<Branch, String>);
+/// A branch as it was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Named {
+    /// Its name in the table.
+    pub name: String,
+    /// What was measured, or the reason why it cannot be used.
+    pub branch: std::result::Result<Branch, String>,
+    /// Rows that could not be read, by line, and why.
+    pub unread: Vec<String>,
+}
 
 /// Reads all rows, grouped by branch in order of first appearance. `noise`: standard error (mm) where the file states
 /// none.
 ///
 /// # Errors
-/// A missing column or an unreadable file. A bad row refuses its branch, by line.
+/// A missing column or an unreadable file. A reading that cannot be read is left out, by line; rows of one branch that
+/// contradict each other refuse it.
 pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
     let columns = REQUIRED.iter().map(|c| table.require(c)).collect::<Result<Vec<_>>>()?;
     let optional: Vec<Option<usize>> = OPTIONAL.iter().map(|c| table.column(c)).collect();
@@ -54,46 +66,56 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let (mut row, mut line) = (Record::default(), 1);
     while table.next_record(&mut row)? {
-        let (record, fault) = (&row, row.fault(table.header.len()));
         line += 1;
-        let name = record.shown(columns[0]).into_owned();
-        let number = |k: usize| -> std::result::Result<f64, String> {
-            let text = record.shown(columns[k]);
-            text.parse::<f64>()
-                .ok()
-                .filter(|v| v.is_finite())
-                .ok_or_else(|| format!("line {line}: {} is {text:?}; expected a number", REQUIRED[k]))
-        };
-        let maybe = |k: usize| -> std::result::Result<f64, String> {
-            let text = optional[k].map(|c| record.shown(c)).unwrap_or_default();
-            if text.is_empty() {
-                return Ok(f64::NAN);
-            }
-            text.parse::<f64>().map_err(|_| format!("line {line}: {} is {text:?}; expected a number", OPTIONAL[k]))
-        };
-        let row = || {
-            if let Some(fault) = &fault {
-                return Err(format!("line {line}: {fault}"));
-            }
-            let error = maybe(0)?;
-            let error = if error.is_nan() { noise.unwrap_or(f64::NAN) } else { error };
-            let reading = Reading { position: number(2)?, deflection: number(3)?, error };
-            Ok((number(1)?, reading, [maybe(1)?, maybe(2)?], [maybe(3)?, maybe(4)?]))
-        };
+        let name = row.shown(columns[0]).into_owned();
         let at = *places.entry(name.clone()).or_insert_with(|| {
             let empty = Branch { length: f64::NAN, readings: Vec::new(), load: [f64::NAN; 2], modulus: [f64::NAN; 2] };
-            branches.push((name, Ok(empty)));
+            branches.push(Named { name, branch: Ok(empty), unread: Vec::new() });
             branches.len() - 1
         });
-        let slot = &mut branches[at].1;
-        let Ok(branch) = slot else { continue };
-        if let Err(why) =
-            row().and_then(|(length, reading, load, modulus)| add(branch, line, length, reading, load, modulus))
-        {
-            *slot = Err(why);
+        let Named { branch, unread, .. } = &mut branches[at];
+        let mut faults: Vec<String> = row.fault(table.header.len()).into_iter().collect();
+        let mut number = |column: Option<usize>| {
+            let found = column.map_or(Ok(None), |column| number(&table, &row, column));
+            found.unwrap_or_else(|why| {
+                faults.push(why);
+                None
+            })
+        };
+        let [length, position, deflection] = [1, 2, 3].map(|k| number(Some(columns[k])));
+        let [error, load, load_err, modulus, modulus_err] =
+            [0, 1, 2, 3, 4].map(|k| number(optional[k]).unwrap_or(f64::NAN));
+        let error = if error.is_nan() { noise.unwrap_or(f64::NAN) } else { error };
+        let broken = row.fault(table.header.len()).is_some();
+        match (position, deflection) {
+            (Some(position), Some(deflection)) if !broken => {
+                if let Ok(known) = branch {
+                    let length = length.unwrap_or(f64::NAN);
+                    let reading = Reading { position, deflection, error };
+                    if let Err(why) = add(known, line, length, reading, [load, load_err], [modulus, modulus_err]) {
+                        *branch = Err(why);
+                    }
+                }
+            }
+            (position, _) if faults.is_empty() => {
+                let missing = if position.is_none() { REQUIRED[2] } else { REQUIRED[3] };
+                faults.push(format!("{missing} is missing"));
+            }
+            _ => {}
         }
+        unread.extend(faults.iter().map(|why| format!("line {line}: {why}")));
     }
     Ok(branches)
+}
+
+/// The number in a cell; `None` where it says that there is none.
+fn number(table: &Table, row: &Record, column: usize) -> std::result::Result<Option<f64>, String> {
+    let text = row.shown(column);
+    if text.is_empty() {
+        return Ok(None);
+    }
+    let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
+    number.map(Some).ok_or_else(|| format!("{} is {text:?}; expected a number", table.header[column]))
 }
 
 /// Adds a row. What belongs to the branch as a whole must be the same in all its rows; empty cells are ignored.
@@ -122,9 +144,51 @@ fn add(
     Ok(())
 }
 
-/// Fits every branch.
-pub fn fit_all(branches: &[Named], along: Along) -> Vec<std::result::Result<Measured, String>> {
-    branches.par_iter().map(|(_, b)| b.as_ref().map_err(String::clone).and_then(|b| fit(b, along))).collect()
+/// Fits every branch under `load`; `None`: an even load, compared with others ([`super::evidence`]).
+pub fn fit_all(branches: &[Named], along: Along, load: Option<Load>) -> Vec<std::result::Result<Measured, String>> {
+    let one = |named: &Named| match &named.branch {
+        Err(why) => Err(why.clone()),
+        Ok(branch) => fit(branch, along, load).map_err(|why| match named.unread.first() {
+            Some(line) if branch.readings.len() < 3 => format!("{why}; left out: {line}"),
+            _ => why,
+        }),
+    };
+    branches.par_iter().map(one).collect()
+}
+
+/// What is said beside the rows: which load the numbers are for, what was left out, what is unusual.
+pub fn notes(branches: &[Named], fits: &[std::result::Result<Measured, String>], load: Option<Load>) -> Vec<String> {
+    let found = || branches.iter().zip(fits).filter_map(|(b, f)| f.as_ref().ok().map(|f| (&b.name, f)));
+    let mut notes = vec![match load {
+        Some(load) => format!("the load is taken as {}, as stated", load.words()),
+        None => format!(
+            "the load is taken as {}; where it hangs otherwise: --load tip, own-weight, or its distance from the root",
+            Load::Even.words()
+        ),
+    }];
+    let others = found().filter_map(|(name, f)| f.other.as_ref().filter(|o| !o.stronger()).map(|o| (name, o)));
+    let others: Vec<_> = others.collect();
+    if let Some((name, other)) = others.first() {
+        let words = other.words();
+        notes.push(match others.len() {
+            1 => format!("branch {name} would be explained about as well by {words}: only --load can tell"),
+            n => format!(
+                "{n} branches would be explained about as well by another load, {name} by {words}: only --load can tell"
+            ),
+        });
+    }
+    for (named, fit) in branches.iter().zip(fits) {
+        let left = fit.as_ref().map_or(&[][..], |f| &f.left_out);
+        let all: Vec<&String> = named.unread.iter().chain(left).collect();
+        if let Some(first) = all.first() {
+            let (n, s) = (all.len(), if all.len() == 1 { "" } else { "s" });
+            notes.push(format!("branch {}: {n} cell{s} or reading{s} left out: {first}", named.name));
+        }
+        if let Some(unusual) = fit.as_ref().ok().and_then(|f| f.unusual.as_ref()) {
+            notes.push(format!("branch {}: {unusual}", named.name));
+        }
+    }
+    notes
 }
 
 /// Writes a row a branch of what was read from `input`.
@@ -139,7 +203,7 @@ pub fn write(
 ) -> Result<Tally> {
     let mut bytes = format!("branch,{},status\n", OUTPUTS.join(",")).into_bytes();
     let mut tally = Tally::new(&OUTPUTS);
-    for ((name, _), result) in branches.iter().zip(fits) {
+    for (Named { name, .. }, result) in branches.iter().zip(fits) {
         push_text(&mut bytes, name);
         let (values, status) = match result {
             Ok(m) => (row(m), m.status.clone()),

@@ -1,10 +1,15 @@
 //! Branches: coefficients that a renderer bends them with, and taper and stiffness from measured deflections.
 
 pub mod basis;
+pub mod bounds;
+pub mod curve;
 pub mod deflections;
+pub mod evidence;
 pub mod measured;
 pub mod record;
 pub mod synthetic;
+#[cfg(test)]
+mod tests;
 
 use mesophyll_files::table::Answer;
 use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
@@ -49,7 +54,7 @@ pub fn coefficients(alpha: f64, samples: usize) -> Answer {
 }
 
 #[cfg(test)]
-mod tests {
+mod row_tests {
     use super::*;
 
     #[test]

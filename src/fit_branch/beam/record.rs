@@ -6,6 +6,7 @@ use super::measured::{Along, Known, Measured, termination};
 use crate::{Error, Result};
 use mesophyll_files::table::Table;
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
+use mesophyll_plant::load::Load;
 use mesophyll_plant::taper::TERMS;
 use mesophyll_record::maker;
 use mesophyll_record::{FitKind, FitRecord, Param, Residuals, Section};
@@ -50,11 +51,12 @@ pub fn of_basis() -> FitRecord {
     record
 }
 
-/// Measured branches, with one section for each.
+/// Measured branches, with one section for each. `load`: the stated one.
 pub fn of_branches(
     branches: &[Named],
     fits: &[std::result::Result<Measured, String>],
     along: Along,
+    load: Option<Load>,
     input_hash: String,
 ) -> FitRecord {
     let mut record = FitRecord::new(FitKind::Beam, "branches", input_hash);
@@ -64,16 +66,28 @@ pub fn of_branches(
         "positions".into(),
         if along == Along::Branch { "along the branch" } else { "along the straight axis" }.into(),
     );
+    let stated = if load.is_some() { "stated" } else { "assumed" };
+    record.options.insert("load".into(), format!("{}, {stated}", load.unwrap_or_default().words()));
     record.options.insert("fitted".into(), format!("{converged} of {}", branches.len()));
     record.options.insert(
         "not told apart".into(),
         "load, modulus and root radius enter only as F/(E' r1^4); the radius needs the other two given".into(),
     );
-    for ((name, _), fit) in branches.iter().zip(fits) {
+    for (Named { name, unread, .. }, fit) in branches.iter().zip(fits) {
         let mut section = Section::default();
         section.terminations.insert(termination(fit).name().into(), 1);
         match fit {
-            Ok(m) => describe(&mut section, m),
+            Ok(m) => {
+                describe(&mut section, m);
+                let left: Vec<&str> = unread.iter().chain(&m.left_out).map(String::as_str).collect();
+                if !left.is_empty() {
+                    record.options.insert(format!("left out {name}"), left.join("; "));
+                }
+                if let Some(other) = &m.other {
+                    let said = format!("{}, {:.3} times as probable as an even load", other.words(), other.odds);
+                    record.options.insert(format!("other load {name}"), said);
+                }
+            }
             Err(why) => {
                 record.options.insert(format!("refused {name}"), why.clone());
             }
@@ -137,33 +151,47 @@ pub fn basis_to(out: &Path) -> Result<(FitRecord, f64)> {
 /// Branches and what was found of each, in their order.
 pub type Found = (Vec<Named>, Vec<std::result::Result<Measured, String>>);
 
+/// What is said of a table of marks.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Asked {
+    /// What positions were measured along.
+    pub along: Along,
+    /// The load; `None`: taken as even, and compared with others.
+    pub load: Option<Load>,
+}
+
 /// Fits the branches of the table in the file `marks`; with `out` also into that folder. `noise` is the standard error
 /// (mm) of a deflection where the file states none.
 ///
 /// # Errors
 /// A table that cannot be read or that has no rows; a folder that cannot be written or that holds something else.
-pub fn branches_to(marks: &Path, out: Option<&Path>, noise: Option<f64>, along: Along) -> Result<Found> {
+pub fn branches_to(marks: &Path, out: Option<&Path>, noise: Option<f64>, asked: Asked) -> Result<Found> {
+    let Asked { along, load } = asked;
     let path = marks.to_path_buf();
     let fit = move || -> Result<Found> {
         let branches = deflections::read(Table::open(&path)?, noise)?;
         if branches.is_empty() {
             return Err(Error::input(&path, "no rows; expected at least one mark"));
         }
-        let fits = deflections::fit_all(&branches, along);
+        let fits = deflections::fit_all(&branches, along, load);
         Ok((branches, fits))
     };
     let Some(out) = out else { return fit() };
     maker::make(FitKind::Beam, out, &[marks], move |maker| {
         let (branches, fits) = maker.phase("fit", fit)?;
-        let told = [("branches", format!("{branches:?}")), ("along", format!("{along:?}"))];
+        let told = [
+            ("branches", format!("{branches:?}")),
+            ("along", format!("{along:?}")),
+            ("load", load.map_or("assumed even".into(), |load| load.to_string())),
+        ];
         let input = maker::input_hash(told.iter().map(|(name, text)| (*name, text.as_str())));
-        for ((name, _), fit) in branches.iter().zip(&fits) {
+        for (Named { name, .. }, fit) in branches.iter().zip(&fits) {
             if let Ok(fit) = fit {
                 maker.times.traces.insert(name.clone(), fit.fit.trace.clone());
             }
         }
         maker.made_from(input.clone())?;
-        let record = of_branches(&branches, &fits, along, input);
+        let record = of_branches(&branches, &fits, along, load, input);
         maker.begin()?;
         maker.finish(&record)?;
         Ok((branches, fits))

@@ -8,6 +8,7 @@ use mesophyll_fit_branch::beam::basis::{DEGREE, Variable, of_branches, pair, sha
 use mesophyll_fit_branch::beam::measured::{Along, fit};
 use mesophyll_fit_branch::beam::synthetic::{Truth, branch};
 use mesophyll_plant::length::{bend_with, kept, printed};
+use mesophyll_plant::load::Load;
 use mesophyll_plant::motion::{Motion, deviation};
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::quadrature::four;
@@ -149,8 +150,8 @@ fn measured(rows: &mut Vec<BenchRow>) {
     let truth = Truth::default();
     for marks in [6, 12, 24, 48] {
         let b = branch(&truth, marks, 0.01, 1, Along::Branch);
-        if let Ok(m) = fit(&b, Along::Branch) {
-            let time = median_us(50.0, || fit(&b, Along::Branch));
+        if let Ok(m) = fit(&b, Along::Branch, Some(Load::Even)) {
+            let time = median_us(50.0, || fit(&b, Along::Branch, Some(Load::Even)));
             rows.push(row(
                 "marks of a measured branch",
                 marks.to_string(),

@@ -7,6 +7,7 @@ use mesophyll_fit_branch::beam::synthetic::{Truth, branch};
 use mesophyll_fit_branch::beam::{basis, evaluate};
 use mesophyll_plant::beam;
 use mesophyll_plant::length::{bend, kept};
+use mesophyll_plant::load::Load;
 use std::time::Instant;
 
 fn row(
@@ -56,12 +57,25 @@ fn single(case: &str, alpha: f32) -> StressRow {
     })
 }
 
-/// A measured branch. Digits are those of taper and load over stiffness, where the fit claims to know them.
+/// A measured branch, fitted for an even load. Digits are those of taper and load over stiffness, where the fit claims
+/// to know them.
 fn measured(case: &str, expected: &str, truth: Truth, noise: f64, spoil: impl Fn(&mut Branch)) -> StressRow {
+    under(case, expected, truth, noise, Some(Load::Even), spoil)
+}
+
+/// A measured branch, fitted for a stated load or for none.
+fn under(
+    case: &str,
+    expected: &str,
+    truth: Truth,
+    noise: f64,
+    load: Option<Load>,
+    spoil: impl Fn(&mut Branch),
+) -> StressRow {
     let mut b = branch(&truth, 24, noise, 11, Along::Branch);
     spoil(&mut b);
     let clock = Instant::now();
-    match fit(&b, Along::Branch) {
+    match fit(&b, Along::Branch, load) {
         Ok(m) => {
             let off = (m.taper.value / truth.alpha - 1.0)
                 .abs()
@@ -116,7 +130,7 @@ pub fn rows() -> Vec<StressRow> {
         measured("measured, zero load, noise only", "undetermined: alpha", t, 0.01, |b| {
             // What the noise of the same seed leaves when the deflection itself is subtracted.
             for r in &mut b.readings {
-                r.deflection -= t.across(r.position / t.length, Along::Branch);
+                r.deflection -= t.place(r.position / t.length)[1];
             }
         }),
         measured("measured, zero load, zeros", "refused: no deflection", t, 0.01, |b| {
@@ -132,7 +146,7 @@ pub fn rows() -> Vec<StressRow> {
         ),
         measured(
             "measured, an outlier of 50 %",
-            "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (residuals exceed the noise",
+            "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not describe this branch",
             t,
             0.01,
             |b| {
@@ -140,5 +154,55 @@ pub fn rows() -> Vec<StressRow> {
             },
         ),
     ]);
+    rows.extend(wrong_models(t));
     rows
+}
+
+/// Branches of another kind than the fit takes them for, and strong bends.
+fn wrong_models(t: Truth) -> Vec<StressRow> {
+    let rod = Truth { alpha: 1.0, tip: 0.05, kind: Load::Tip, ..t };
+    let everything = "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not describe";
+    vec![
+        measured("measured, tip hangs at .65 L, noise 0.3 %", "ok", Truth { alpha: 0.2, tip: 1.5, ..t }, 3e-3, |_| {}),
+        under("measured, load at the tip as stated", "ok", rod, 3e-3, Some(Load::Tip), |_| {}),
+        under(
+            "measured, own weight as stated, tip .6 L",
+            "ok",
+            Truth { alpha: 0.5, tip: 1.0, kind: Load::OwnWeight, ..t },
+            3e-3,
+            Some(Load::OwnWeight),
+            |_| {},
+        ),
+        under(
+            "measured, wrong model: load at .6 of a rod, none stated",
+            everything,
+            Truth { kind: Load::Share(0.6), ..rod },
+            3e-3,
+            None,
+            |_| {},
+        ),
+        measured(
+            "measured, wrong model: load at a third, even stated",
+            everything,
+            Truth { alpha: 0.6, kind: Load::Share(0.35), ..t },
+            3e-3,
+            |_| {},
+        ),
+        measured("measured, wrong model: the root gives way", everything, t, 2e-3, |b| {
+            b.readings.iter_mut().for_each(|r| r.deflection += 0.05 * r.position);
+        }),
+        measured("measured, modulus in N/mm2", "undetermined: root_radius_mm (modulus_gpa", t, 3e-3, |b| {
+            b.modulus[0] *= 1e3
+        }),
+        measured(
+            "measured, deflections as heights",
+            "undetermined: load_over_stiffness_mm root_radius_mm (the branch moves against its load",
+            t,
+            3e-3,
+            |b| b.readings.iter_mut().for_each(|r| r.deflection = -r.deflection),
+        ),
+        measured("measured, positions in cm", "refused: deflection_mm", t, 3e-3, |b| {
+            b.readings.iter_mut().for_each(|r| r.position *= 0.1);
+        }),
+    ]
 }

@@ -12,10 +12,11 @@ use mesophyll_files::table::{Table, percent};
 use mesophyll_files::unit::Unit;
 use mesophyll_optics::side::Side;
 use name::Name;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Names of the column with the leaf's name; the first one that exists is used.
-pub const LEAF: [&str; 5] = ["leaf", "leaf_id", "sample", "sample_id", "id"];
+pub const LEAF: [&str; 4] = ["leaf", "leaf_id", "sample", "sample_id"];
 
 /// A column of readings.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,10 +63,21 @@ fn names(table: &Table) -> Vec<(&String, Name)> {
     table.header.iter().filter_map(|text| Some((text, Name::of(text)?))).collect()
 }
 
-/// The columns of errors among `names` that belong to a reading.
-fn error_of(text: &str, of: &Name, names: &[(&String, Name)]) -> String {
-    let same = |n: &Name| n.error && (n.through, n.number, n.side) == (of.through, of.number, of.side);
-    names.iter().find(|(_, n)| same(n)).map_or_else(|| format!("{text}_err"), |(error, _)| error.to_string())
+/// What tells a reading's column from others: quantity, number (as bits) and side.
+type Key = (Option<bool>, Option<u64>, Option<bool>);
+
+fn key(name: &Name) -> Key {
+    (name.through, name.number.map(f64::to_bits), name.side.map(|side| side == Side::Back))
+}
+
+/// The columns of standard errors among `names`.
+fn errors<'a>(names: &[(&'a String, Name)]) -> HashMap<Key, &'a String> {
+    names.iter().filter(|(_, n)| n.error).map(|(text, n)| (key(n), *text)).collect()
+}
+
+/// The column of a reading's standard error, which the table may lack.
+fn error_of(text: &str, name: &Name, errors: &HashMap<Key, &String>) -> String {
+    errors.get(&key(name)).map_or_else(|| format!("{text}_err"), |error| error.to_string())
 }
 
 /// The columns of a table whose names have a number.
@@ -75,10 +87,10 @@ pub fn wide(table: &Table) -> Wide {
     let numbers: Vec<f64> =
         numbered.iter().filter(|(_, n)| n.unit_nm.is_none()).filter_map(|(_, n)| n.number).collect();
     let micrometres = are_micrometres(&numbers) && numbers.iter().any(|v| v.fract() != 0.0);
-    let mut found = Wide::default();
+    let (mut found, errors) = (Wide::default(), errors(&names));
     for (text, name) in numbered {
         let unit = name.unit_nm.unwrap_or(if micrometres { 1e3 } else { 1.0 });
-        let wavelength = name.number.unwrap_or(f64::NAN) * unit;
+        let wavelength = in_nm(name.number.unwrap_or(f64::NAN), unit);
         if !is_wavelength(wavelength) {
             found.replicates.extend(name.through.is_some().then(|| text.to_string()));
             continue;
@@ -86,7 +98,7 @@ pub fn wide(table: &Table) -> Wide {
         match name.through {
             Some(through) => found.readings.push(Column {
                 name: text.to_string(),
-                error: error_of(text, name, &names),
+                error: error_of(text, name, &errors),
                 wavelength,
                 through,
                 side: name.side,
@@ -95,6 +107,11 @@ pub fn wide(table: &Table) -> Wide {
         }
     }
     found
+}
+
+/// A wavelength in nm; µm are rounded, so that 0.57 is 570 and no number beside it.
+pub fn in_nm(wavelength: f64, unit_nm: f64) -> f64 {
+    if unit_nm == 1.0 { wavelength } else { (wavelength * unit_nm * 1e6).round() / 1e6 }
 }
 
 /// Whether a number can be a wavelength in nm. Smaller ones count replicates.
@@ -151,7 +168,7 @@ fn unit_of(table: &Table, column: &str, values: &[f64]) -> Result<f64> {
 /// Two columns of one quantity and side.
 pub fn readings(table: &Table) -> Result<Vec<Column>> {
     let names = names(table);
-    let mut found: Vec<Column> = Vec::new();
+    let (mut found, errors): (Vec<Column>, _) = (Vec::new(), errors(&names));
     for (text, name) in &names {
         let (Some(through), None, false, false) = (name.through, name.number, name.error, name.wavelength) else {
             continue;
@@ -160,7 +177,7 @@ pub fn readings(table: &Table) -> Result<Vec<Column>> {
             let what = format!("{} holds the same quantity; rename or remove one of the two", other.name);
             return Err(Error::field(table.name(), text, what));
         }
-        let error = error_of(text, name, &names);
+        let error = error_of(text, name, &errors);
         found.push(Column { name: text.to_string(), error, wavelength: f64::NAN, through, side: name.side });
     }
     Ok(found)
@@ -247,9 +264,17 @@ impl Shares {
     /// Judges the first rows of `columns`. `percent` says that they are in per cent.
     ///
     /// # Errors
-    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise.
+    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise, and for a file of an
+    /// instrument whose form states the other unit.
     pub fn of(table: &Table, columns: &[String], percent: bool) -> Result<Shares> {
-        let values = table.head(columns);
+        let scale = if percent { 0.01 } else { 1.0 };
+        if let Some(stated) = table.stated().filter(|stated| stated.unit.is_some()) {
+            stated.check_percent(table.name(), percent)?;
+            return Ok(Shares { scale, unsaid: false });
+        }
+        // Marks of missing readings tell nothing.
+        let mut values = table.head(columns);
+        values.retain(|v| (-0.9..=200.0).contains(v));
         let named = columns.iter().any(|c| table.column(c).is_some() && Name::of(c).is_some_and(|n| n.percent));
         if percent && !named && percent::are_fractions(&values) {
             let largest = values.iter().fold(0.0, |a: f64, v| a.max(*v));
@@ -258,16 +283,22 @@ impl Shares {
             return Err(Error::input(table.name(), what));
         }
         let unsaid = !percent && (named || percent::looks(&values));
-        Ok(Shares { scale: if percent { 0.01 } else { 1.0 }, unsaid })
+        Ok(Shares { scale, unsaid })
     }
 
-    /// Why a row with these readings is refused before it is computed, if so.
-    pub fn refuse<'a>(&self, readings: impl Iterator<Item = (&'a str, f64)>) -> Option<String> {
-        let mut readings = readings.filter(|(_, v)| v.is_finite()).peekable();
-        let first = readings.peek().copied();
-        let single = || readings.find(|(_, v)| self.scale == 1.0 && percent::must_be(*v));
-        let (name, value) = if self.unsaid { first } else { single() }?;
-        Some(format!("{name} is {value}: {}", percent::SENTENCE))
+    /// Why these readings are refused before they are computed, if the whole table plainly is in per cent.
+    pub fn refuse<'a>(&self, mut readings: impl Iterator<Item = (&'a str, f64)>) -> Option<String> {
+        self.unsaid.then(|| match readings.find(|(_, v)| v.is_finite()) {
+            Some((name, value)) => format!("{name} is {value}: {}", percent::SENTENCE),
+            None => "no reading".into(),
+        })
+    }
+
+    /// As [`Shares::refuse`], also for one reading that can only be in per cent.
+    pub fn refuse_each<'a>(&self, readings: impl Iterator<Item = (&'a str, f64)> + Clone) -> Option<String> {
+        let must = |(_, v): &(&str, f64)| self.scale == 1.0 && percent::must_be(*v);
+        let one = |(name, v): (&str, f64)| format!("{name} is {v}: {}", percent::SENTENCE);
+        self.refuse(readings.clone()).or_else(|| readings.clone().find(must).map(one))
     }
 
     /// Whether all rows are refused.

@@ -2,11 +2,11 @@
 //! with a row for each leaf and wavelength.
 
 use super::name::{Name, quantity_of};
-use super::{LEAF, Wide, only_leaf, wide};
+use super::{LEAF, Wide, in_nm, only_leaf, wide};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{Record, Table, counted, push_text};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -54,10 +54,10 @@ fn column_like(table: &Table, name: &str) -> Option<usize> {
 
 /// The column that says of each row whether it holds reflectance or transmittance.
 fn kind_column(table: &Table, found: &Wide) -> Option<usize> {
-    let is_bare = |name: &String| found.bare.iter().any(|(bare, _)| bare == name);
+    let bare: HashSet<&String> = found.bare.iter().map(|(name, _)| name).collect();
     let says = |k: &usize| {
         let name = &table.header[*k];
-        if is_bare(name) || LEAF.contains(&name.as_str()) {
+        if bare.contains(name) || LEAF.contains(&name.as_str()) {
             return false;
         }
         let words = table.head_words(name);
@@ -92,7 +92,9 @@ fn joined(mut table: Table, found: &Wide, kind: usize, tidy: Option<(usize, usiz
         None => 1.0,
     };
     let mut beside: Vec<usize> = (0..table.header.len()).collect();
-    beside.retain(|k| *k != kind && !bare.iter().any(|(b, _)| b == k) && tidy.is_none_or(|(v, w)| v != *k && w != *k));
+    let read: HashSet<usize> =
+        bare.iter().map(|(k, _)| *k).chain([kind]).chain(tidy.into_iter().flat_map(|(v, w)| [v, w])).collect();
+    beside.retain(|k| !read.contains(k));
     // What becomes a column of its own is not carried along under the same name.
     beside.retain(|&k| !["wavelength_nm", "R", "T", ""].contains(&table.header[k].as_str()));
     let side = table.column("side");
@@ -119,7 +121,7 @@ fn joined(mut table: Table, found: &Wide, kind: usize, tidy: Option<(usize, usiz
         match tidy {
             Some((value, at)) => {
                 if let Ok(Some(w)) = table.number(&record, at) {
-                    readings.push((w * unit, plain(&table, &record, value)));
+                    readings.push((in_nm(w, unit), plain(&table, &record, value)));
                 }
             }
             None => readings.extend(bare.iter().map(|&(k, nm)| (nm, plain(&table, &record, k)))),
