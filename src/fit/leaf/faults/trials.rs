@@ -69,8 +69,8 @@ pub struct Trials<'a> {
 }
 
 impl<'a> Trials<'a> {
-    /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel.
-    /// `noise`: the true variance of the noise over the stated one.
+    /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel; `noise`: the true
+    /// variance of the noise over the stated one.
     pub fn new(
         scan: &'a Scan,
         sample: &'a Sample,
@@ -89,7 +89,8 @@ impl<'a> Trials<'a> {
         self.fit(Cause::None, 1).chi2
     }
 
-    /// Tries every cause where the texels' χ² is above the noise by more than chance. A few texels choose the likely causes, more of them find their amounts, and all decide.
+    /// Tries every cause where the texels' χ² is above the noise by more than chance. A few texels choose the likely
+    /// causes, more of them find their amounts, and all decide.
     pub fn search(&self) -> Outcome {
         let noise = self.noise;
         let base = self.fit(Cause::None, 1);
