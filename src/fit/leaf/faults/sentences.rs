@@ -54,7 +54,9 @@ pub fn unexplained(side: Side, outcome: &Outcome) -> Fault {
         sides: vec![side.into()],
         spoils: Vec::new(),
         says: format!(
-            "{side}: the traces' reduced χ² is {:.2} where their noise makes it {:.2}, and nothing that was tried explains it (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark level, stray light, coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as much",
+            "{side}: the traces' reduced χ² is {:.2} where their noise makes it {:.2}, and nothing that was tried \
+             explains it (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark level, \
+             stray light, coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as much",
             outcome.before, outcome.noise
         ),
     }

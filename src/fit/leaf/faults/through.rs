@@ -232,3 +232,48 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
         )
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lopsided leaf with veins, seen from the front, and from the back as it is after a turn.
+    fn leaf(width: usize, height: usize, moved: [i32; 2]) -> (Vec<bool>, Vec<[f32; 3]>) {
+        let at = |k: usize| {
+            let (i, j) = ((k % width) as i32 - moved[0], (k / width) as i32 - moved[1]);
+            let (x, y) = (f64::from(i) / width as f64 - 0.45, f64::from(j) / height as f64 - 0.52);
+            let through = 0.2 + 0.06 * (17.0 * x + 9.0 * y * y).sin() + 0.05 * (23.0 * y - 8.0 * x).cos();
+            (x * x / 0.16 + y * y / 0.12 < 1.0, [through as f32; 3])
+        };
+        (0..width * height).map(at).unzip()
+    }
+
+    fn mirrored((mask, through): &(Vec<bool>, Vec<[f32; 3]>), width: usize) -> (Vec<bool>, Vec<[f32; 3]>) {
+        let from = |k: usize| k / width * width + width - 1 - k % width;
+        ((0..mask.len()).map(|k| mask[from(k)]).collect(), (0..mask.len()).map(|k| through[from(k)]).collect())
+    }
+
+    #[test]
+    fn a_back_that_was_not_turned_or_that_moved_is_named() {
+        let (width, height) = (60, 45);
+        let front = leaf(width, height, [0, 0]);
+        let right = mirrored(&front, width);
+        let name = |back: &(Vec<bool>, Vec<[f32; 3]>)| {
+            turned(&View::from(&front), &View::from(back), width, "back.exr").map(|f| (f.name, f.says))
+        };
+        assert_eq!(name(&right), None);
+        assert_eq!(name(&front).unwrap().0, "back-not-turned");
+        // The back's image two columns to the right of where it should be: the front's two to the left.
+        let (kind, says) = name(&mirrored(&leaf(width, height, [-2, 1]), width)).unwrap();
+        assert!(kind == "back-shifted" && says.contains("2 columns and 1 rows"), "{says}");
+        let brighter = (right.0.clone(), right.1.iter().map(|t| t.map(|v| 1.4 * v)).collect());
+        assert_eq!(name(&brighter).unwrap().0, "sides-transmit");
+    }
+
+    #[test]
+    fn more_light_than_arrives_is_named() {
+        let mask: Vec<i16> = (0..100).map(|k| if k % 3 == 0 { Defect::Energy.code() } else { 1 }).collect();
+        assert_eq!(energy("front", &mask).unwrap().sides, ["front"]);
+        assert_eq!(energy("front", &[1; 100]), None);
+    }
+}
