@@ -1,4 +1,4 @@
-//! From camera values to the calibrated scale: value = frame / white × the white sheet's own response D.
+//! From camera values to the calibrated scale: value = frame / white × the white sheet's own response, its reflectance times D.
 //!
 //! Plain division by the white frame would make every white texel 1 in every frame, and the effect of the tube's
 //! distance would be lost. D puts it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
@@ -21,7 +21,7 @@ const GRID: usize = 96;
 /// √(1+u²), H the tube's height and u its horizontal distance over H. This is the closed form for a line source in
 /// units of its height. A long Lambertian cylinder gives the same irradiance as its axis; by the capture's convention
 /// its lit length ends at the angles at which the axis' ends are seen.
-pub(crate) fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
+pub fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
     let (across, along) = match travel {
         Travel::X => (position - at[0], at[1]),
         Travel::Y => (position - at[1], at[0]),
@@ -47,9 +47,10 @@ pub struct Gain {
 }
 
 impl Gain {
-    /// Reads the white frames of one pass and divides them by the sheet's own response.
+    /// Reads the white frames of one pass and divides them by the sheet's own response and reflectance.
     pub fn read(folder: &Path, manifest: &Manifest, pass: &Pass, dark: Option<&[[f32; 3]]>) -> Result<Gain> {
         let positions = pass.positions();
+        let reflectance = manifest.white_reflectance.unwrap_or(1.0);
         let first = exr_info(&white_path(folder, pass.name, 0))?;
         let (w, h) = (first.width, first.height);
         // Average k×k blocks so that at most GRID columns are left.
@@ -76,7 +77,7 @@ impl Gain {
                 for j in 0..h {
                     for i in 0..w {
                         let at = texel_position(w, h, manifest.texel_mm * manifest.width as f64 / w as f64, i, j);
-                        let response = white_response(&manifest.tube, pass.name, position, at);
+                        let response = reflectance * white_response(&manifest.tube, pass.name, position, at);
                         let dark = dark.map_or([0.0; 3], |d| {
                             let column = ((i as f64 + 0.5) * manifest.width as f64 / w as f64) as usize;
                             let row = ((j as f64 + 0.5) * manifest.height as f64 / h as f64) as usize;
@@ -115,6 +116,13 @@ impl Gain {
     /// Gains of all frames, cells and channels.
     pub fn values(&self) -> impl Iterator<Item = f32> + '_ {
         self.frames.iter().flatten().flatten().copied()
+    }
+
+    /// The gain of frame `k` at each of `texels`.
+    pub fn at(&self, k: usize, texels: &[[u32; 2]]) -> Vec<[f32; 3]> {
+        let mut gains = vec![[f32::NAN; 3]; texels.len()];
+        self.interpolate(&self.frames[k], texels, |n, gain| gains[n] = gain);
+        gains
     }
 
     /// Divides the values of frame `k` at `texels` by the interpolated gain.

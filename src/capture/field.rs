@@ -47,7 +47,7 @@ impl Fields<'_> {
         if (1e-3..=100.0).contains(&value) {
             Ok(())
         } else {
-            Err(self.wrong(field, value, "a leaf's thickness: a positive length in mm, 0.001 to 100"))
+            Err(self.wrong(field, value, "a leaf's thickness: a positive length in mm, 0.001 to 100 (150 µm is 0.15)"))
         }
     }
 

@@ -4,7 +4,7 @@
 #![warn(missing_docs)]
 
 pub mod beams;
-mod calibrate;
+pub mod calibrate;
 pub mod dome;
 pub mod field;
 pub mod goniometer;

@@ -35,6 +35,9 @@ pub struct Manifest {
     /// The part of the noise that does not grow with the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
+    /// Reflectance of the white sheet; 1 when absent. A calibrated value of 1 is a perfectly white texel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub white_reflectance: Option<f64>,
     /// `front`, or `front` and `back`.
     pub sides: Vec<Side>,
     /// The linear light source.
@@ -118,6 +121,11 @@ impl Manifest {
             ("noise_relative", self.noise_relative),
             ("noise_floor", self.noise_floor),
         ])?;
+        if let Some(white) = self.white_reflectance
+            && !(0.01..=1.0).contains(&white)
+        {
+            return bad("white_reflectance", &white, "0.01 to 1, a share of the light (99 % is 0.99)");
+        }
         if self.tube.radius_mm >= self.tube.height_mm {
             return bad("tube.radius_mm", &self.tube.radius_mm, "less than tube.height_mm");
         }

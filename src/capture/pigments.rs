@@ -34,12 +34,12 @@ pub fn read(path: &Path) -> Result<Spectrum> {
         *place = column(&table, name)?;
     }
     let mut points: Vec<(f64, Constants)> = Vec::new();
-    let (mut record, mut row) = (Record::default(), 0);
+    let mut record = Record::default();
     while table.next_record(&mut record)? {
-        row += 1;
-        let at = |name: &str| format!("row {row}, {name}");
+        let line = record.line();
+        let at = |name: &str| format!("line {line}, {name}");
         if let Some(fault) = record.fault(table.header.len()) {
-            return Err(Error::field(path, &format!("row {row}"), fault));
+            return Err(Error::field(path, &format!("line {line}"), fault));
         }
         let mut values = [0.0; COLUMNS.len()];
         for (k, (value, name)) in values.iter_mut().zip(COLUMNS).enumerate() {
@@ -49,9 +49,10 @@ pub fn read(path: &Path) -> Result<Spectrum> {
                 6.. => (1.0, LARGEST_INDEX, "a refractive index from 1 to 3"),
                 _ => (0.0, f64::MAX, "0 or more"),
             };
-            match text.parse::<f64>() {
-                Ok(v) if (least..=most).contains(&v) => *value = v,
-                _ if text.is_empty() => return Err(Error::field(path, &at(name), "the cell is empty")),
+            match table.number_in(&record, places[k], [0.0, f64::MAX]) {
+                Ok(Some(v)) if (least..=most).contains(&v) => *value = v,
+                Ok(None) if text.is_empty() => return Err(Error::field(path, &at(name), "the cell is empty")),
+                Ok(None) => return Err(Error::field(path, &at(name), format!("the cell says {text}: no number"))),
                 _ => return Err(Error::unexpected(path, &at(name), format!("{text:?}"), words)),
             }
         }
@@ -117,7 +118,7 @@ mod tests {
         assert_eq!(spectrum.at(402.0).unwrap().indices, [1.5, 1.42, 1.41]);
         let said = |text: String| reading(&text).unwrap_err().to_string();
         let falls = said(rows(&[410.0, 405.0]));
-        assert!(falls.contains("row 2, wavelength_nm: found 405, expected more than 410"), "{falls}");
+        assert!(falls.contains("line 3, wavelength_nm: found 405, expected more than 410"), "{falls}");
         let gap = said(rows(&[400.0, 405.0, 410.0, 420.0, 425.0]));
         assert!(gap.contains("found a gap from 410 to 420 nm, expected steps of 5 nm"), "{gap}");
         let unit = said(rows(&[400.0]).replace("chlorophyll_cm2_g", "chlorophyll_m2_g"));
@@ -127,10 +128,10 @@ mod tests {
         let micro = said(rows(&[0.4]).replace("wavelength_nm", "wavelength_um"));
         assert!(micro.contains("wavelength_um") && micro.contains("expected wavelength_nm"), "{micro}");
         assert!(said(rows(&[400.0]).replace("water_per_cm", "sea")).contains("water_per_cm: no such column"));
-        assert!(said(rows(&[400.0]).replace("9,4", ",4")).contains("row 1, protein_cm2_g: the cell is empty"));
+        assert!(said(rows(&[400.0]).replace("9,4", ",4")).contains("line 2, protein_cm2_g: the cell is empty"));
         assert!(said(rows(&[400.0]).replace("9,4", "x,4")).contains("found \"x\", expected 0 or more"));
         assert!(said(rows(&[400.0]).replace("1.42", "14.2")).contains("a refractive index from 1 to 3"));
         assert!(said(HEADER.into()).contains("no rows"));
-        assert!(said(rows(&[400.0]).replace(",1.41", "")).contains("row 1"));
+        assert!(said(rows(&[400.0]).replace(",1.41", "")).contains("line 2"));
     }
 }

@@ -194,6 +194,12 @@ impl Capture {
         (0..texels.len()).map(|n| [0, 1, 2].map(|c| if passes.is_empty() { 1.0 } else { known(mean(n, c)) })).collect()
     }
 
+    /// Camera value of the calibrated value 1 in frame `k` of a pass at each of `texels`; `None` where the pass has no
+    /// white frames.
+    pub fn gain_of_frame(&self, travel: Travel, k: usize, texels: &[[u32; 2]]) -> Option<Vec<[f32; 3]>> {
+        self.gains.iter().find(|(t, _)| *t == travel).map(|(_, gain)| gain.at(k, texels))
+    }
+
     /// The dark level a texel, where `dark.exr` exists.
     pub fn dark(&self) -> Option<&[[f32; 3]]> {
         self.dark.as_deref()

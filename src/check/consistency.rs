@@ -1,14 +1,16 @@
-//! Whether a fit folder agrees with itself, whatever its hashes say: a map that was changed and hashed again
-//! contradicts the other maps.
+//! Whether the maps of a leaf that a scene shows agree with its blade: normals lean in the direction in which the blade
+//! leans, and the mask is the blade's outline.
 //!
-//! A fit writes five things twice. The mean thickness is h. ρd is γ times the reflectance of the leaf's slab at the
-//! texel's thickness. ρt is that slab's transmittance, in the median. Normals lean in the direction in which the blade
-//! leans. The mask is the blade's outline.
+//! What numbers of a fit say of each other is looked at wherever a fit is read ([`mesophyll_fit::consistency`]). Of a
+//! folder whose record does not say how the leaf was measured, three things are looked at here: the mean thickness is
+//! h, ρd is γ times the reflectance of the leaf's slab at the texel's thickness, and ρt is that slab's transmittance,
+//! in the median.
 
 use mesophyll_error::Result;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::{Quantity, RGB};
+use mesophyll_fit::consistency::says_how_it_was_measured;
 use mesophyll_leaf::frames;
 use mesophyll_leaf::{BLADE, File, LeafFit, pack};
 use mesophyll_optics::side::Side;
@@ -48,13 +50,15 @@ pub fn contradictions(leaf: Leaf, ledger: &Ledger) -> Result<Vec<String>> {
             say("no good texel at all".into());
             continue;
         }
-        let h = fitted.thickness(side)?;
-        let mean = good.iter().map(|&k| f64::from(thickness[k])).sum::<f64>() / good.len() as f64;
-        if off(mean / h, 1.0, 0.01) {
-            say(format!("its mean thickness is {mean:.4} mm, but fit.toml says {h:.4} mm"));
-        }
-        for what in interior(fitted, side, maps, &good)? {
-            say(what);
+        if !says_how_it_was_measured(&fitted.record) {
+            let h = fitted.thickness(side)?;
+            let mean = good.iter().map(|&k| f64::from(thickness[k])).sum::<f64>() / good.len() as f64;
+            if off(mean / h, 1.0, 0.01) {
+                say(format!("its mean thickness is {mean:.4} mm, but fit.toml says {h:.4} mm"));
+            }
+            for what in interior(fitted, side, maps, &good)? {
+                say(what);
+            }
         }
         if let Some(mesh) = leaf.placed.mesh.as_ref().filter(|_| leaf.placed.mesh_path.starts_with(&fitted.folder)) {
             for what in shape(fitted, leaf, s, maps, mesh)? {

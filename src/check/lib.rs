@@ -102,6 +102,7 @@ pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report
     atomic::probe_folder(&options.out)?;
     let mut renderer = open()?;
     let adapter = renderer.adapter().clone();
+    let faults = verify(scene, ledger)?;
     let mut report = Report {
         passed: true,
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
@@ -109,8 +110,8 @@ pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report
         views: Vec::new(),
         captures: Vec::new(),
         skipped: Vec::new(),
-        failures: verify(scene, ledger)?,
-        warnings: plan.warnings.clone(),
+        failures: faults.all().cloned().collect(),
+        warnings: plan.warnings.iter().chain(&faults.notes).cloned().collect(),
         uploads: Vec::new(),
         pipelines: Vec::new(),
         translucency: None,

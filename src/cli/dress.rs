@@ -48,6 +48,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::Usage("-o -: two files are written; expected a name, not standard output".into()));
     }
     claim::file(&args.out, &["glb"], &[&args.plant])?;
+    for leaf in &args.leaves {
+        crate::ready::fit(&leaf.fit)?;
+    }
     let done = dress(&args.plant, &args.leaves, args.make_uv, &args.out)?;
     if common.json {
         let files: Vec<String> = done.exported.files.iter().map(|p| p.display().to_string()).collect();

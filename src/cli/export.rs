@@ -191,6 +191,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
+    if !scene {
+        super::ready::warn(&args.folder);
+    }
     let done: Exported = place::file(&args.output, |path| match times {
         _ if format == Format::Web => web(args, scene, path),
         Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
@@ -222,6 +225,7 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
     let manifest = Manifest::read(&args.folder)?;
     let ledger = Ledger::new();
     let scene = Scene::open(manifest, Search { out: None, input_hash: None, free: false }, &ledger)?;
+    scene.require_sound_fits(&ledger)?;
     if let Some(missing) = scene.placed.unfitted().first() {
         let leaf = format!("leaf \"{}\"", scene.manifest.leaves[*missing].name);
         let why =
@@ -268,6 +272,7 @@ fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
     placed.make_translucency(&manifest, &run, search, &ledger)?;
     placed.out = Some(run.clone());
     let mut scene = Scene::new(manifest, placed, &ledger)?;
+    scene.require_sound_fits(&ledger)?;
     scene.find_transfer(&run, &ledger)?;
     let mut bundle = web::bundle(&scene, &run, &ledger)?;
     if !is_scene {

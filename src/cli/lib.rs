@@ -40,7 +40,10 @@ pub(crate) use mesophyll_error::{Error, Result};
     name = "mesophyll",
     version,
     about = "Fits leaf, branch and sky appearance from measurements, and proves the fit in pictures",
-    max_term_width = 110
+    max_term_width = 110,
+    after_help = "Exit codes: 0 done (of a table: at least one row was answered), 1 a fit as a whole, a check or every \
+                  row of a table missed its mark, or an output could not be written, 2 wrong usage or an input that \
+                  cannot be read, 130 stopped."
 )]
 struct Cli {
     #[command(flatten)]
@@ -175,8 +178,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Exit code: 0 done, 1 a fit or a check missed (or could not be written), 2 usage or unreadable input, 130
-/// interrupted.
+/// Exit code: 0 done, 1 a fit, a check or a whole table missed (or could not be written), 2 usage or unreadable input,
+/// 130 interrupted.
 fn exit_code(e: &Error) -> u8 {
     match e {
         Error::BrokenPipe => 0,

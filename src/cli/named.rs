@@ -11,6 +11,25 @@ where
     T: IntoEnumIterator + EnumMessage + Into<&'static str> + Copy + FromStr<Err = strum::ParseError>,
     T: Send + Sync + 'static,
 {
+    PossibleValuesParser::new(shown::<T>()).try_map(|name| T::from_str(&name))
+}
+
+/// Reads one of the names of `T`, or `other`, which is `None`; `help` says what it means.
+pub fn named_or<T>(other: &'static str, help: &'static str) -> impl TypedValueParser<Value = Option<T>>
+where
+    T: IntoEnumIterator + EnumMessage + Into<&'static str> + Copy + FromStr<Err = strum::ParseError>,
+    T: Send + Sync + 'static,
+{
+    let values = shown::<T>().into_iter().chain([PossibleValue::new(other).help(help)]);
+    PossibleValuesParser::new(values.collect::<Vec<_>>())
+        .try_map(move |name| if name == other { Ok(None) } else { T::from_str(&name).map(Some) })
+}
+
+/// The names of `T` with their help.
+fn shown<T>() -> Vec<PossibleValue>
+where
+    T: IntoEnumIterator + EnumMessage + Into<&'static str> + Copy,
+{
     let values = T::iter().map(|value| {
         let help = value.get_documentation().unwrap_or_default().lines().map(str::trim).collect::<Vec<_>>().join(" ");
         let name: &'static str = value.into();
@@ -18,5 +37,5 @@ where
         let shown = PossibleValue::new(name).aliases(others);
         if help.is_empty() { shown } else { shown.help(help) }
     });
-    PossibleValuesParser::new(values.collect::<Vec<_>>()).try_map(|name| T::from_str(&name))
+    values.collect()
 }

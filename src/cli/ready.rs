@@ -1,7 +1,8 @@
-//! A scene together with every fit that it needs.
+//! Fits as others use them: what was fitted, unchanged. A scene together with every fit that it needs.
 
 use crate::Result;
 use mesophyll_files::progress;
+use mesophyll_fit::consistency;
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::fits::missing;
 use mesophyll_placed::ledger::Ledger;
@@ -9,10 +10,27 @@ use mesophyll_placed::{Placed, leaf::Search};
 use mesophyll_scene::loaded::Scene;
 use std::path::Path;
 
+/// Looks at the fit in `folder` before it is used: one that was changed since it was fitted is refused, and numbers
+/// that contradict each other are said. A folder without a fit is left to the one who reads it.
+///
+/// # Errors
+/// [`crate::Error::Missed`] for a changed fit, [`crate::Error::Input`] for a damaged one.
+pub fn fit(folder: &Path) -> Result<()> {
+    if folder.join("fit.toml").is_file() { consistency::of(folder)?.require() } else { Ok(()) }
+}
+
+/// As [`fit`] for a reader that refuses a changed or damaged fit itself: only says what else is wrong.
+pub fn warn(folder: &Path) {
+    if let Ok(faults) = consistency::of(folder) {
+        faults.warn();
+    }
+}
+
 /// Reads what a scene needs. Fits that are missing are made first and kept below `out`; Ctrl-C stops between them.
 ///
 /// # Errors
-/// Those of the fits, and [`crate::Error::Input`] for what is wrong in the scene or in a fit.
+/// Those of the fits, [`crate::Error::Input`] for what is wrong in the scene or in a fit, and [`crate::Error::Missed`]
+/// for a fit that was changed since it was fitted.
 pub fn scene(manifest: Manifest, out: &Path, ledger: &Ledger) -> Result<Scene> {
     let search = Search { out: Some(out), input_hash: Some(&missing::input_hash), free: false };
     let mut placed = Placed::new(&manifest, search, ledger)?;
@@ -25,5 +43,7 @@ pub fn scene(manifest: Manifest, out: &Path, ledger: &Ledger) -> Result<Scene> {
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, out, search, ledger)?;
     }
-    Scene::new(manifest, placed, ledger)
+    let scene = Scene::new(manifest, placed, ledger)?;
+    scene.require_sound_fits(ledger)?;
+    Ok(scene)
 }

@@ -4,7 +4,7 @@ use super::{Common, place};
 use crate::{Error, Result};
 use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
-use mesophyll_report::{self as report, ReportSource};
+use mesophyll_report::{self as report, Level, ReportSource, Verdict};
 use std::path::{Path, PathBuf};
 
 /// Reports how good fits are: one HTML file that needs no network, or the same rows as JSON or Markdown.
@@ -16,7 +16,9 @@ use std::path::{Path, PathBuf};
 
 In the HTML file, maps and pictures zoom and pan, a slider wipes between a picture and its
 reference, and the values of the maps stand under the pointer. Everything works with the keyboard
-too. The file is smaller than 5 MB where it can be; what it leaves out for that, it says.")]
+too. The file is smaller than 5 MB where it can be; what it leaves out for that, it says.
+
+Exit code 1 where a fit or a check is \"Not good\", 0 for \"Good\" and \"Usable with care\".")]
 pub struct Args {
     /// Fit folders (two or more are compared with the first), or the folder of a run
     #[arg(required = true, value_name = "DIR")]
@@ -46,14 +48,14 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let files = report::layers::pictures(&sources, folder)?;
         progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
     }
-    if common.json {
-        super::print_json(&report::to_json(&sources)?)?;
-    }
-    if args.markdown {
-        super::print(&report::to_markdown(&sources)?)?;
+    let mut code = 0;
+    if common.json || args.markdown {
+        let report = report::rows(&sources)?;
+        code = exit_code(&report.verdict);
+        if common.json { super::print_json(&report)? } else { super::print(&report::markdown(&report))? }
     }
     if args.output.is_none() && (common.json || args.markdown || args.plots.is_some()) {
-        return Ok(0);
+        return Ok(code);
     }
     let path = args.output.clone().unwrap_or_else(|| PathBuf::from("report.html"));
     let inputs: Vec<&Path> = args.folders.iter().map(PathBuf::as_path).collect();
@@ -69,5 +71,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !place::is_stdout(&path) {
         progress::say(format_args!("written: {}", path.display()));
     }
-    Ok(0)
+    Ok(exit_code(&report.verdict))
+}
+
+/// A workflow goes on with what is good or usable with care, and stops at what is not good.
+fn exit_code(verdict: &Verdict) -> u8 {
+    u8::from(verdict.level == Level::Bad)
 }

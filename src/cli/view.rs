@@ -69,9 +69,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     for warning in &planned.plan.warnings {
         progress::say(format!("warning: {warning}"));
     }
-    for changed in check::verify(&planned, &ledger)? {
-        progress::say(format!("warning: {changed}"));
-    }
+    check::verify(&planned, &ledger)?.require()?;
     let views: Vec<WindowView> = manifest
         .views
         .iter()

@@ -208,7 +208,7 @@ fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: Lost) -> Result<Export
 ///
 /// # Errors
 /// [`Error::Input`] when the fit or a map that it needs cannot be read, [`Error::Usage`] when this kind of fit cannot
-/// be written in the format, [`Error::Write`].
+/// be written in the format, [`Error::Missed`] for a fit that was changed since it was fitted, [`Error::Write`].
 pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Exported> {
     let record = FitRecord::read(folder)?;
     if format == Format::Pivots {
@@ -238,18 +238,13 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         );
         return Err(Error::Usage(what));
     }
-    let warn_of_changes = || {
-        if let Err(e) = record.verify(folder) {
-            mesophyll_files::progress::say(format_args!("warning: {e}"));
-        }
-    };
     if format == Format::Json {
-        warn_of_changes();
+        record.verify(folder)?;
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()].into());
     }
     let sides = SideMaps::all(&record, folder)?;
-    warn_of_changes();
+    record.verify(folder)?;
     let alone = || vec![path.to_path_buf()];
     Ok(match format {
         Format::Json | Format::Pivots | Format::Web | Format::Wgsl | Format::C => Vec::new().into(),

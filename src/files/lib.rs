@@ -9,6 +9,7 @@ pub mod gltf_file;
 mod guard;
 pub mod hash;
 pub mod image;
+pub mod instrument;
 pub mod memory;
 pub mod mesh;
 pub mod numbers;

@@ -1,7 +1,8 @@
 //! Plain lists of numbers: one entry a line, numbers separated by blanks. Empty lines, and everything after a `#`, are
-//! skipped.
+//! skipped. Encodings and line ends are those of tables.
 
 use crate::atomic::explain;
+use crate::table::plain_text;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -10,7 +11,8 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Input`] naming the file, the line, what was found and what was expected; also for a file without an entry.
 pub fn read<const N: usize>(path: &Path, what: &str) -> Result<Vec<[f64; N]>> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let text = plain_text(&std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?);
+    let text = text.ok_or_else(|| Error::input(path, "found bytes that are no UTF-8 text"))?;
     let mut out = Vec::new();
     for (k, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();
@@ -47,6 +49,10 @@ mod tests {
             super::read::<2>(&path, "x y")
         };
         assert_eq!(read("# points\n1 2\n\n-3e2\t4 # last\n").unwrap(), [[1.0, 2.0], [-300.0, 4.0]]);
+        assert_eq!(read("\u{feff}# points\r1 2\r\r\n-3e2\t4 # last\r").unwrap(), [[1.0, 2.0], [-300.0, 4.0]]);
+        let wide = "1 2\r\n3 4\r\n".encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+        std::fs::write(&path, wide).unwrap();
+        assert_eq!(super::read::<2>(&path, "x y").unwrap(), [[1.0, 2.0], [3.0, 4.0]]);
         for (text, expected) in [
             ("1 2\n3\n", "line 2: found 1 of them, expected 2 numbers: x y"),
             ("1 two\n", "line 1: found \"two\""),

@@ -2,6 +2,7 @@
 
 #![warn(missing_docs)]
 
+pub mod consistency;
 pub mod dome;
 pub mod foliar;
 pub mod gloss;

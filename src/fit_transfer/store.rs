@@ -45,7 +45,8 @@ impl Transfer {
     /// that also holds instances that `scene` does not show will do.
     ///
     /// # Errors
-    /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file.
+    /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file;
+    /// [`Error::Missed`] for a file that is not what the fit wrote.
     pub fn open(folder: &Path, scene: &Scene, options: &Options) -> Result<Option<Transfer>> {
         let record = FitRecord::read_as(folder, FitKind::Transfer)?;
         let held = Scene { seen: held(&record, scene.world.instances.len()), ..scene.clone() };
@@ -54,6 +55,7 @@ impl Transfer {
         if !all_there || record.input_hash != input_hash(&held, options) {
             return Ok(None);
         }
+        record.verify(folder)?;
         let layout = Layout::new(&scene.world, scene.leaves, &held.seen, options);
         let scale = crate::matter::scale(&scene.world, options.columns);
         let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;

@@ -17,7 +17,7 @@ pub enum Slopes {
 impl Slopes {
     /// The distribution of a lobe of ours. Other programs have no further ones.
     pub fn of(lobe: Lobe) -> Slopes {
-        if lobe == Lobe::Ggx { Slopes::Ggx } else { Slopes::Beckmann }
+        if lobe.is_long_tailed() { Slopes::Ggx } else { Slopes::Beckmann }
     }
 
     /// The name that other programs have for it, in small letters.

@@ -41,7 +41,7 @@ pub struct Leaf {
     /// The distribution of its gloss.
     #[serde(default)]
     pub lobe: LobeKind,
-    /// Index of refraction of the `cook-torrance` lobe.
+    /// Index of refraction of a lobe with Fresnel reflectance.
     pub index: Option<f64>,
     /// A reflection that is the same everywhere on the leaf, instead of a fit. It needs a mesh.
     pub uniform: Option<Uniform>,

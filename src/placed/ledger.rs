@@ -7,7 +7,7 @@ use std::time::Instant;
 /// One action.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Entry {
-    /// Kind of the action: `fit`, `read`, `hash`, `curve`, `solve`, …
+    /// Kind of the action: `fit`, `read`, `look for faults`, `curve`, `solve`, …
     pub action: &'static str,
     /// Its object, for example `elm/front.exr`.
     pub what: String,

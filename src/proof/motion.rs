@@ -5,7 +5,7 @@
 
 use crate::stress::StressRow;
 use mesophyll_fit::gloss::synthetic::Noise;
-use mesophyll_fit_branch::motion::{Known, Motion, Record, fit};
+use mesophyll_fit_branch::motion::{Kind, Known, Motion, Record, fit};
 use mesophyll_fourier::Complex;
 use mesophyll_plant::wind::Oscillator;
 use rayon::prelude::*;
@@ -51,7 +51,7 @@ pub fn record(truth: &Truth, readings: usize, step: f64, channels: usize, noise:
         mesophyll_fourier::inverse(n).process(&mut line);
         line[..readings].iter().map(|c| c.re + noise * chance.normal()).collect()
     };
-    Record { step, channels: (0..channels).map(|_| one(&mut chance)).collect() }
+    Record { step, channels: (0..channels).map(|_| one(&mut chance)).collect(), ..Record::default() }
 }
 
 /// How many 95 % intervals of resonance, damping and gain contain the truth, and for how many motions values were
@@ -78,6 +78,24 @@ pub fn coverage(motions: usize, seed: u64) -> ([usize; 3], usize) {
     };
     let all: Vec<[bool; 3]> = (0..motions).into_par_iter().filter_map(inside).collect();
     (std::array::from_fn(|p| all.iter().filter(|a| a[p]).count()), all.len())
+}
+
+/// Readings 20 times a second.
+fn of(readings: Vec<f64>) -> Record {
+    Record { step: 0.05, channels: vec![readings], ..Record::default() }
+}
+
+/// A branch that is let go, seen for 30 s with a noise of .05 mm: modes of f_h (Hz), damping (1/s) and size (mm).
+fn let_go(modes: &[[f64; 3]], seed: u64) -> Vec<f64> {
+    let mut chance = Noise::new(seed);
+    let one = |t: f64| -> f64 {
+        let mode = |[f, damping, size]: &[f64; 3]| {
+            let turn = ((TAU * f).powi(2) - 0.25 * damping * damping).sqrt();
+            size * (-0.5 * damping * t).exp() * (turn * t).cos()
+        };
+        modes.iter().map(mode).sum()
+    };
+    (0..600).map(|k| one(0.05 * f64::from(k)) + 0.05 * chance.normal()).collect()
 }
 
 fn row(case: String, expected: &str, verdict: String, ms: f64) -> StressRow {
@@ -128,8 +146,28 @@ pub fn rows() -> Vec<StressRow> {
     case("hardly damped", "ok", record(&Truth { ratio: 0.01, ..usual }, 12_000, 0.05, 2, 0.0, 5), none);
     case("ten seconds", "undetermined", record(&usual, 200, 0.05, 1, 0.0, 6), none);
     case("overdamped", "undetermined", record(&Truth { ratio: 2.0, ..usual }, 2000, 0.05, 1, 0.0, 7), none);
-    case("does not move", "refused", Record { step: 0.05, channels: vec![vec![1.0; 1000]] }, none);
+    case("does not move", "refused", of(vec![1.0; 1000]), none);
     case("63 readings", "refused", record(&usual, 63, 0.05, 1, 0.0, 8), none);
+    case("pulled and let go", "ok", of(let_go(&[[1.2, 0.75, 30.0]], 1)), none);
+    // Wrong models: data that neither kind of motion describes.
+    case("let go, with two modes", "undetermined", of(let_go(&[[1.2, 0.75, 30.0], [1.9, 0.8, 8.0]], 2)), none);
+    let gusts = Known { kind: Kind::Gusts, ..none };
+    case("let go, taken for gusts", "undetermined", of(let_go(&[[1.2, 0.75, 30.0]], 3)), gusts);
+    let mut both = record(&usual, 6000, 0.05, 1, 0.0, 12);
+    let second = record(&Truth { resonance: 3.1, ..usual }, 6000, 0.05, 1, 0.0, 13);
+    both.channels[0].iter_mut().zip(&second.channels[0]).for_each(|(a, b)| *a += b);
+    case("two resonances in gusts", "undetermined", both, none);
+    let slow = Truth { resonance: 2.2, ..usual };
+    case("a resonance above half the rate", "undetermined", record(&slow, 3000, 1.0 / 3.0, 1, 0.0, 14), none);
+    let altered = |change: &dyn Fn(usize, &mut f64)| {
+        let mut of = record(&usual, 6000, 0.05, 1, 0.0, 15);
+        of.channels[0].iter_mut().enumerate().for_each(|(k, r)| change(k, r));
+        of
+    };
+    case("the level drifts", "ok", altered(&|k, r| *r += 0.05 * k as f64), none);
+    case("one wild reading", "ok", altered(&|k, r| *r += if k == 2000 { 400.0 } else { 0.0 }), none);
+    case("a fifth is missing", "ok", altered(&|k, r| *r = if (k * 7919 / 13) % 5 == 0 { f64::NAN } else { *r }), none);
+    case("a twentieth is wild", "undetermined", altered(&|k, r| *r += if k % 20 == 0 { 40.0 } else { 0.0 }), none);
     out
 }
 

@@ -3,13 +3,14 @@
 use crate::bridge::{Numbers, named, run, run_until};
 use crate::surface::lobe;
 use mesophyll_capture::kind::Kind;
+use mesophyll_error::Error;
 use mesophyll_files::image::{self, Maps, Packing};
 use mesophyll_files::progress;
+use mesophyll_fit::consistency;
 use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
 use mesophyll_fit::leaf::{self, Options};
 use mesophyll_fit::photo;
-use mesophyll_record::FitRecord;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
@@ -78,10 +79,17 @@ pub fn leaf_fit(
     })
 }
 
-/// Checks that a folder holds a fit of this version, and that nothing in it was changed since.
+/// Checks that a folder holds a fit of this version, and that nothing in it was changed since. Returns a sentence for
+/// everything that its numbers say against each other.
 #[pyfunction]
-pub fn verify(py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-    run(py, || FitRecord::read(&folder)?.verify(&folder))
+pub fn verify(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<String>> {
+    run(py, || {
+        let faults = consistency::of(&folder)?;
+        match faults.changed.into_iter().next() {
+            Some(changed) => Err(Error::Missed(changed.said)),
+            None => Ok(faults.contradictions.into_iter().chain(faults.notes).collect()),
+        }
+    })
 }
 
 /// Width, height, and name and single-precision samples of each channel of an OpenEXR file; row 0 is the top row.

@@ -2,7 +2,8 @@
 
 use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named};
 use mesophyll_error::Status;
-use mesophyll_fit::slab::{Measured, Options, found};
+use mesophyll_fit::slab::{Measured, Options, Specular, found};
+use mesophyll_optics::slab::inverse::Model;
 use mesophyll_optics::slab::{response, verdict};
 use pyo3::prelude::*;
 
@@ -23,10 +24,17 @@ pub fn slab_invert(
     let precision = named("method", method)?;
     let ([r, t, h, r_err, t_err], rows) = columns(py, [&r, &t, &thickness, &r_err, &t_err])?;
     // Rows without noise have NaN for it.
-    let options = Options { precision, noise: None, surface };
+    let model = Model::matched();
+    let options = Options { precision, noise: None, surface, model, specular: Specular::Included };
     fill(py, rows, cost, &out, |k, cells, _| {
-        let measured =
-            Measured { rho_d: r[k], rho_t: t[k], thickness_mm: h[k], rho_d_err: r_err[k], rho_t_err: t_err[k] };
+        let measured = Measured {
+            rho_d: r[k],
+            rho_t: t[k],
+            thickness_mm: h[k],
+            rho_d_err: r_err[k],
+            rho_t_err: t_err[k],
+            known: None,
+        };
         let (values, status) = found(&options, &measured);
         cells.copy_from_slice(&values);
         status
@@ -69,9 +77,9 @@ pub fn slab_evaluate(
     let cost = if method == "fast" { Cost::Little } else { Cost::Much };
     let method: verdict::Method = named("method", method)?;
     let ([omega, delta, rest], rows) = columns(py, [&omega, &delta, &one_minus_omega])?;
-    let mu0 = incidence_deg.to_radians().cos();
+    let slabs = verdict::Evaluator::new(method, incidence_deg.to_radians().cos(), 1.0);
     fill(py, rows, cost, &out, |k, cells, _| {
-        let (seen, status) = verdict::evaluate(method, mu0, omega[k], delta[k], rest[k]);
+        let (seen, status) = slabs.evaluate(omega[k], delta[k], rest[k]);
         cells.copy_from_slice(&[seen.rho_d, seen.rho_t]);
         status
     })

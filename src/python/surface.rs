@@ -58,8 +58,12 @@ pub fn gloss_fit(
         let value = |c: usize, k: usize| if c < channels { of[c * frames + k] as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
         thread_local!(static SCRATCH: RefCell<Workspace> = RefCell::default());
-        let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
-        answered(fit.answer(channels), cells)
+        let (fit, found) = SCRATCH.with_borrow_mut(|ws| {
+            let fit = fitter.fit(ws, [0.0; 2], &trace, None);
+            let found = fitter.judge(ws, &trace, &fit);
+            (fit, found)
+        });
+        answered(fit.judged(found.as_ref(), channels), cells)
     })?;
     Ok((TexelFit::outputs(channels), troubles))
 }
@@ -73,16 +77,18 @@ pub fn gloss_fit_samples(
     names: Vec<String>,
     lobe_of: (String, f64),
 ) -> PyResult<(Vec<String>, Vec<f64>, String)> {
-    let lobe = lobe(&lobe_of.0, lobe_of.1)?;
+    let kind = LobeKind::from(lobe(&lobe_of.0, lobe_of.1)?);
+    let surface = if kind == LobeKind::default() { samples::Surface::Usual } else { samples::Surface::Of(kind) };
+    let settings = samples::Settings { surface, index: Some(lobe_of.1), ..samples::Settings::default() };
     let cells = rows.to_vec(py)?;
-    let outputs = samples::outputs(&names);
+    let outputs = samples::outputs(&names, &settings);
     let answer = run(py, || {
         let read: Result<Vec<samples::Sample>, String> = cells
             .chunks_exact(3 + names.len())
             .enumerate()
             .map(|(k, row)| samples::sample(row, &names).map_err(|why| format!("sample {k}: {why}")))
             .collect();
-        Ok(read.map_or_else(Answer::refused, |read| samples::answer(&read, &names, lobe)))
+        Ok(read.map_or_else(Answer::refused, |read| samples::answer(&read, &names, &settings)))
     })?;
     let values = if matches!(answer.status, Status::Refused(_)) { Vec::new() } else { answer.values };
     Ok((outputs, values, answer.status.to_string()))

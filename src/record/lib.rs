@@ -3,6 +3,8 @@
 
 #![warn(missing_docs)]
 
+mod consistency;
+pub mod fault;
 mod kind;
 pub mod maker;
 pub mod scan;
@@ -13,12 +15,15 @@ pub use kind::FitKind;
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, claim, hash};
 use mesophyll_solve::{Termination, TraceRow};
+use fault::Fault;
 use scan::{HeldOut, LightBox, Scan};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
+/// The file of a record in a fit's folder.
+pub const RECORD: &str = "fit.toml";
 /// Version of this file format.
 pub const SCHEMA: u32 = 1;
 
@@ -121,6 +126,10 @@ pub const NOISE_SEEN: &str = "noise_seen_over_stated";
 /// Option: what the mirror strip shows of the device's geometry. It begins with `warning:` where it contradicts the
 /// capture.
 pub const MIRROR: &str = "mirror";
+/// Count: readings that the fit of the texels left out as outliers.
+pub const DISCARDED: &str = "readings_discarded";
+/// Count: readings of the texels that were fitted, with those left out.
+pub const READINGS: &str = "readings";
 
 /// Figures that exist where the truth has another gauge than the fit. This one is the mean true thickness over the good
 /// texels relative to the fit's, less 1.
@@ -160,6 +169,9 @@ pub struct FitRecord {
     /// The device of a scan under a tube.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<Scan>,
+    /// Faults of the measurement that its data show.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<Fault>,
     /// Sections by name: `front`, `back`, or `all`.
     #[serde(flatten)]
     pub sections: BTreeMap<String, Section>,
@@ -237,19 +249,28 @@ impl FitRecord {
     /// Hashes `fit.toml` and every file named in `files` afresh and compares.
     ///
     /// # Errors
-    /// [`Error::Missed`] naming the first file that is not what the fit wrote.
+    /// [`Error::Missed`] naming the first file that is not what the fit wrote; [`Error::Input`] for one that cannot be
+    /// read.
     pub fn verify(&self, folder: &Path) -> Result<()> {
-        FitRecord::verify_numbers(folder)?;
-        for (name, expected) in &self.files {
+        self.changes(folder).into_iter().next().map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// As [`FitRecord::verify`], with the name of every file that is not what the fit wrote.
+    pub fn changes(&self, folder: &Path) -> Vec<(String, Error)> {
+        let changed = |(name, expected): (&String, &String)| {
             let path = folder.join(name);
-            if &hash::file(&path)? != expected {
-                return Err(Error::Missed(format!(
+            let error = match hash::file(&path) {
+                Ok(found) if &found == expected => return None,
+                Ok(_) => Error::Missed(format!(
                     "{}: changed since it was fitted (its content hash is not the one in fit.toml)",
                     path.display()
-                )));
-            }
-        }
-        Ok(())
+                )),
+                Err(e) => e,
+            };
+            Some((name.clone(), error))
+        };
+        let record = FitRecord::verify_numbers(folder).err().map(|error| (RECORD.to_string(), error));
+        record.into_iter().chain(self.files.iter().filter_map(changed)).collect()
     }
 
     /// Checks by its record hash that the numbers in `folder`'s `fit.toml` are the ones that were written.

@@ -22,7 +22,7 @@ pub struct Scan {
     /// Name of the lobe.
     pub lobe: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    /// Refractive index of a `cook-torrance` lobe.
+    /// Refractive index of a lobe with Fresnel reflectance.
     pub lobe_index: Option<f64>,
     /// Standard deviation of a reading: √((relative · value)² + floor²).
     pub noise_relative: f64,

@@ -35,7 +35,7 @@ mod values;
 mod verdict;
 mod view;
 
-pub use model::{Level, Report};
+pub use model::{Level, Reason, Report, Verdict};
 use size::Detail;
 use std::path::{Path, PathBuf};
 
@@ -95,6 +95,14 @@ pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
     Ok(report)
 }
 
+/// The verdict on the fit in `folder`: the same that a report of it says, without the report.
+///
+/// # Errors
+/// As [`rows`].
+pub fn verdict(folder: &Path) -> Result<Verdict> {
+    read::verdict(folder)
+}
+
 /// The rows of a report.
 pub fn rows(sources: &[ReportSource]) -> Result<Report> {
     read::read(sources, &defaults(sources, None))
@@ -105,9 +113,9 @@ pub fn to_json(sources: &[ReportSource]) -> Result<serde_json::Value> {
     serde_json::to_value(rows(sources)?).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))
 }
 
-/// The rows as Markdown.
-pub fn to_markdown(sources: &[ReportSource]) -> Result<String> {
-    Ok(markdown::render(&rows(sources)?))
+/// A report as Markdown.
+pub fn markdown(report: &Report) -> String {
+    markdown::render(report)
 }
 
 pub(crate) use mesophyll_error::{Error, Result};

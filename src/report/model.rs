@@ -35,15 +35,23 @@ impl Level {
 /// One reason behind a verdict.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reason {
+    /// What it says of the fit.
     pub level: Level,
+    /// The reason as a sentence.
     pub text: String,
 }
 
 /// "Is this good?"
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
+    /// The level of the worst reason.
     pub level: Level,
+    /// The verdict as a sentence, with the reasons that decide it.
     pub sentence: String,
+    /// Whether the fit missed its mark by what was measured. A truth that a synthetic capture holds is left out: it
+    /// says how good the method is, which no measured capture can.
+    pub missed: bool,
+    /// Every reason, the worst first.
     pub reasons: Vec<Reason>,
 }
 

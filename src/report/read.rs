@@ -35,7 +35,7 @@ pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
         checks.extend(check);
         plans.extend(plan);
         for folder in found {
-            fits.push(fit(&folder, options)?);
+            fits.push(fit(&folder, options, true)?);
             folders.push(folder);
         }
     }
@@ -99,7 +99,15 @@ fn tell_apart(fits: &mut [FitReport]) {
     }
 }
 
-fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
+/// The verdict on the fit in `folder`. It does not rest on the statistics of the maps, which take most of the time.
+///
+/// # Errors
+/// As [`read`].
+pub fn verdict(folder: &Path) -> Result<Verdict> {
+    Ok(fit(folder, &Options::default(), false)?.verdict)
+}
+
+fn fit(folder: &Path, options: &Options, with_maps: bool) -> Result<FitReport> {
     let record = FitRecord::read(folder)?;
     let mut missing = Vec::new();
     let mut capture = record.options.get("capture").cloned();
@@ -137,7 +145,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         program: record.program.clone(),
         input_hash: record.input_hash.clone(),
         termination: record.termination.map(|t| t.name().to_string()),
-        verdict: Verdict { level: Level::Doubtful, sentence: String::new(), reasons: Vec::new() },
+        verdict: Verdict { level: Level::Doubtful, sentence: String::new(), missed: false, reasons: Vec::new() },
         options: record.options.clone(),
         parameters: ordered(&record).flat_map(|(n, s)| parameters(n, s)).collect(),
         sections: ordered(&record).map(|(n, s)| section(n, s)).collect(),
@@ -147,7 +155,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         missing,
         pictures: Vec::new(),
     };
-    for (name, of) in ordered(&record) {
+    for (name, of) in ordered(&record).filter(|_| with_maps) {
         let Some(mut side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else {
             continue;
         };

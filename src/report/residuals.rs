@@ -64,9 +64,12 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
             capture can tell; 5° of camera angle cost m 5 %, ρs 4 % and 1.3° of the normals"
                 .into()
         }
-        _ => "the mirror strip agrees with the stated geometry, so the lobe's model (`--lobe`) is the first suspect"
-            .into(),
+        _ => "the mirror strip agrees with the stated geometry".into(),
     };
+    // What was found to be wrong is said by itself.
+    if let Some(fault) = record.faults.first() {
+        return format!("; the likely cause is named ({})", fault.name);
+    }
     let Some(seen) = s.figures.get(NOISE_SEEN) else { return format!(": {geometry}") };
     // Noise that is wrong by a factor makes χ² wrong by its square.
     if (seen * seen - 1.0) > 0.5 * (chi2 - 1.0) {

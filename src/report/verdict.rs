@@ -6,13 +6,18 @@ use crate::quantity::{parameter, symbol};
 use crate::view::MANY;
 use crate::{captures, held_out, residuals};
 use mesophyll_fit_translucency::judge::NAMES;
-use mesophyll_record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
+use mesophyll_optics::defect::Defect;
+use mesophyll_record::fault::Grade;
+use mesophyll_record::{DISCARDED, FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, READINGS};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Shares of good texels on the leaf above which a leaf is good, and below which it is bad.
 const TEXELS_GOOD: f64 = 0.98;
 const TEXELS_BAD: f64 = 0.9;
+/// Share of readings that may be left out as outliers: noise reaches that far in one of 150,000.
+const DISCARDED_GOOD: f64 = 0.001;
 /// Share of runs (texels) that stopped without converging.
 const RUNS_GOOD: f64 = 0.002;
 const RUNS_BAD: f64 = 0.1;
@@ -31,11 +36,20 @@ const CONDITION: f64 = 1e8;
 /// Judges a fit by its record and by what was read from its folder.
 pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict {
     let mut reasons = Vec::new();
-    let mut say = |level: Level, text: String| reasons.push(Reason { level, text });
+    // Whether a reason rests on a truth that only a synthetic capture holds, and whether any other is bad.
+    let (by_truth, missed) = (Cell::new(false), Cell::new(false));
+    let mut say = |level: Level, text: String| {
+        missed.set(missed.get() || (level == Level::Bad && !by_truth.get()));
+        reasons.push(Reason { level, text });
+    };
     match record.termination {
         Some(t) if t.converged() => say(Level::Good, format!("the fit converged ({})", t.name().replace('_', " "))),
         Some(t) => say(Level::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),
         None => {}
+    }
+    for fault in &record.faults {
+        let level = if fault.grade == Grade::Wrong { Level::Bad } else { Level::Doubtful };
+        say(level, fault.says.clone());
     }
     for s in &report.sections {
         let side = if s.name == "all" { String::new() } else { format!("{}: ", s.name) };
@@ -46,6 +60,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
             say(level, format!("{side}{text}"));
         }
         texels(&side, s, &record.defects, &mut say);
+        discarded(&side, s, &mut say);
         shared_problems(&side, s, &mut say);
         let (stopped, all) = terminations(s);
         if stopped > 0 {
@@ -59,7 +74,9 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
                 _ => say(level, format!("{side}{} of {} runs did not converge", count(stopped), count(all))),
             }
         }
+        by_truth.set(true);
         truth(&side, s, &mut say);
+        by_truth.set(false);
         directions(&side, s, &mut say);
         if let Some(c) = s.condition.filter(|c| c.is_nan() || *c > CONDITION) {
             say(Level::Doubtful, format!("{side}the shared problem is badly conditioned ({})", plain(c)));
@@ -80,13 +97,17 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency) {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
     }
-    if let Err(e) = record.verify(folder) {
-        say(Level::Bad, e.to_string());
+    match mesophyll_fit::consistency::of(folder) {
+        Ok(faults) => {
+            faults.all().for_each(|what| say(Level::Bad, what.clone()));
+            faults.notes.iter().chain(&faults.unseen).for_each(|what| say(Level::Doubtful, what.clone()));
+        }
+        Err(e) => say(Level::Bad, e.to_string()),
     }
     for m in report.missing.iter().filter(|m| m.contains("no maps") || m.contains("not a readable")) {
         say(Level::Doubtful, m.clone());
     }
-    finish(&report.name, reasons)
+    Verdict { missed: missed.get(), ..finish(&report.name, reasons) }
 }
 
 /// Worst errors of approximated functions: their name, what is good, what is bad, and what they are relative to.
@@ -150,17 +171,21 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
     let named: Vec<(&String, usize)> =
         s.counts.iter().filter(|(n, _)| defects.values().any(|d| d == *n)).map(|(n, c)| (n, *c)).collect();
     let outside = s.counts.get("outside").copied().unwrap_or(0);
+    // Texels on the outline show leaf and background at once; they are left out of photographs by design.
+    let edge = named.iter().find(|(name, _)| name.as_str() == Defect::Edge.name()).map_or(0, |(_, n)| *n);
     let inside = s
         .counts
         .get("texels")
-        .map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside));
+        .map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside))
+        .saturating_sub(edge);
     if inside == 0 {
         say(Level::Bad, format!("{side}no texel lies on the leaf"));
         return;
     }
     let share = good as f64 / inside as f64;
     let mut fact = format!("{side}{} of {} texels are good", percent(share), count(inside));
-    if let Some((name, n)) = named.iter().filter(|d| d.1 > 0).max_by_key(|d| d.1) {
+    let rest = named.iter().filter(|d| d.1 > 0 && d.0.as_str() != Defect::Edge.name());
+    if let Some((name, n)) = rest.max_by_key(|d| d.1) {
         fact.push_str(&format!(" (most of the rest: {}, {})", name.replace('_', " "), count(*n)));
     }
     let level = match share {
@@ -169,6 +194,18 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
         _ => Level::Bad,
     };
     say(level, fact);
+}
+
+/// Readings that the fit left out as outliers.
+fn discarded(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+    let (Some(&left_out), Some(&all)) = (s.counts.get(DISCARDED), s.counts.get(READINGS)) else { return };
+    if left_out == 0 {
+        return;
+    }
+    let share = left_out as f64 / all.max(1) as f64;
+    let level = if share > DISCARDED_GOOD { Level::Doubtful } else { Level::Good };
+    let (left_out, all) = (count(left_out), count(all));
+    say(level, format!("{side}{left_out} of {all} readings were left out as outliers ({})", percent(share)));
 }
 
 /// The number of runs that did not converge and the number of all runs, over the texels. The leaf-wide problem
@@ -339,7 +376,7 @@ pub(crate) fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
         (Level::Doubtful, _) => "Something needs a look before the numbers are relied on.".into(),
         (Level::Bad, _) => "Something missed its mark.".into(),
     };
-    Verdict { level, sentence, reasons }
+    Verdict { level, sentence, missed: level == Level::Bad, reasons }
 }
 
 /// The worst level, and a sentence with up to three reasons of that level.
@@ -361,5 +398,5 @@ fn finish(name: &str, mut reasons: Vec<Reason>) -> Verdict {
         sentence.push_str(&format!("; and {more} more"));
     }
     sentence.push('.');
-    Verdict { level, sentence, reasons }
+    Verdict { level, sentence, missed: level == Level::Bad, reasons }
 }

@@ -1,5 +1,6 @@
 //! Gloss of a leaf's surface: W Eq. 6 and 7 (Torrance–Sparrow with F·G merged into ρs), the same with a long-tailed
-//! distribution, and the full Cook–Torrance form that Habel uses (H9 §3.3.3).
+//! distribution, the full Cook–Torrance form that Habel uses (H9 §3.3.3), and that form with the long-tailed
+//! distribution.
 //!
 //! All values are f_s per unit ρs, in 1/sr. `m` is the surface slope (W: 2σ/l), unitless; `n`, `l`, `v` are unit
 //! vectors: normal, towards the light, towards the viewer. Isotropic, one bounce. W's form exceeds energy conservation
@@ -39,6 +40,11 @@ pub enum Lobe {
         /// Refractive index of the surface.
         index: f64,
     },
+    /// The long-tailed distribution with the same Fresnel reflectance of `index` and the same V-cavity G.
+    GgxFresnel {
+        /// Refractive index of the surface.
+        index: f64,
+    },
 }
 
 impl LobeKind {
@@ -59,12 +65,13 @@ impl Lobe {
         LobeKind::iter().map(move |kind| Lobe::of(kind, index))
     }
 
-    /// The lobe of this name; `index` is read by Cook–Torrance only.
+    /// The lobe of this name; `index` is read by those with Fresnel reflectance only.
     pub fn of(kind: LobeKind, index: f64) -> Lobe {
         match kind {
             LobeKind::Beckmann => Lobe::Beckmann,
             LobeKind::Ggx => Lobe::Ggx,
             LobeKind::CookTorrance => Lobe::CookTorrance { index },
+            LobeKind::GgxFresnel => Lobe::GgxFresnel { index },
         }
     }
 
@@ -72,7 +79,7 @@ impl Lobe {
     pub fn index(self) -> Option<f64> {
         match self {
             Lobe::Beckmann | Lobe::Ggx => None,
-            Lobe::CookTorrance { index } => Some(index),
+            Lobe::CookTorrance { index } | Lobe::GgxFresnel { index } => Some(index),
         }
     }
 
@@ -82,7 +89,7 @@ impl Lobe {
     pub fn kernel(self, u: f64) -> [f64; 2] {
         match self {
             Lobe::Beckmann | Lobe::CookTorrance { .. } => [(-u).exp(), 1.0],
-            Lobe::Ggx => {
+            Lobe::Ggx | Lobe::GgxFresnel { .. } => {
                 let k = 1.0 / (1.0 + u);
                 [k * k, 2.0 * k]
             }
@@ -94,7 +101,7 @@ impl Lobe {
     pub fn is_long_tailed(self) -> bool {
         match self {
             Lobe::Beckmann | Lobe::CookTorrance { .. } => false,
-            Lobe::Ggx => true,
+            Lobe::Ggx | Lobe::GgxFresnel { .. } => true,
         }
     }
 
@@ -103,7 +110,7 @@ impl Lobe {
     pub fn quantile(self, share: f64, m: f64) -> f64 {
         match self {
             Lobe::Beckmann | Lobe::CookTorrance { .. } => -m * m * (1.0 - share).ln(),
-            Lobe::Ggx => m * m * share / (1.0 - share),
+            Lobe::Ggx | Lobe::GgxFresnel { .. } => m * m * share / (1.0 - share),
         }
     }
 
@@ -119,14 +126,14 @@ impl Lobe {
         let sec4 = (1.0 + tan2) * (1.0 + tan2);
         match self {
             Lobe::Beckmann | Lobe::CookTorrance { .. } => sec4 * (-tan2 / (m * m)).exp() / (PI * m * m),
-            Lobe::Ggx => {
+            Lobe::Ggx | Lobe::GgxFresnel { .. } => {
                 let w = m * m + tan2;
                 sec4 * m * m / (PI * w * w)
             }
         }
     }
 
-    /// f_s per unit ρs as the paper has it: D/(4 cosθi cosθr), for Cook–Torrance D·F·G/(4 cosθi cosθr). Zero below the
+    /// f_s per unit ρs as the paper has it: D/(4 cosθi cosθr), with an index D·F·G/(4 cosθi cosθr). Zero below the
     /// horizon.
     pub fn value(self, n: [f64; 3], l: [f64; 3], v: [f64; 3], m: f64) -> f64 {
         let (a, b) = (dot(n, l), dot(n, v));

@@ -75,11 +75,17 @@ fn files_of_the_wrong_kind_are_said_to_be() {
     for (bytes, words) in [
         (b"".as_slice(), ["slabs.csv", "no header line"]),
         (b"\xff\xfeo\x00m".as_slice(), ["line 1", "not valid UTF-8"]),
-        (b"omega;delta\n0,9;1\n".as_slice(), ["omega: no such column", "omega;delta"]),
+        (b"omega/delta\n0,9/1\n".as_slice(), ["omega: no such column", "omega/delta"]),
     ] {
         std::fs::write(&csv, bytes).unwrap();
         refused(&run(["eval", "slab", "--in", &csv]), 2, &words);
     }
+    // Semicolons and decimal commas are read, and that is said.
+    std::fs::write(&csv, b"omega;delta\n0,9;1\n").unwrap();
+    let output = run(["eval", "slab", "--in", &csv]);
+    let [rows, said] = [&output.stdout, &output.stderr].map(|b| String::from_utf8_lossy(b).into_owned());
+    assert!(rows.starts_with("omega,delta,rho_d,rho_t,status\n\"0,9\",1,0.26741") && rows.ends_with(",ok\n"), "{rows}");
+    assert!(said.contains("slabs.csv: read as separated by semicolons with decimal commas"), "{said}");
     // A byte-order mark and line ends of other systems are allowed. A cell that is no text only affects its own row.
     std::fs::write(&csv, b"\xef\xbb\xbfomega,delta\r\n0.9,1\r\n0.9,\xff\r\n0.5,2\r\n").unwrap();
     let output = run(["eval", "slab", "--in", &csv]);

@@ -176,7 +176,9 @@ fn run_page(page: &str, spans: bool) -> [usize; 2] {
             .current_dir(folder.path())
             .output()
             .unwrap();
-        assert!(output.status.success(), "{page}: {smaller}: {}", String::from_utf8_lossy(&output.stderr));
+        // Leaves are smaller here than on the page, and a report of them may say that they are not good.
+        let judged = words.get(1).is_some_and(|verb| verb == "report") && output.status.code() == Some(1);
+        assert!(output.status.success() || judged, "{page}: {smaller}: {}", String::from_utf8_lossy(&output.stderr));
         if let Some(place) = written(&words) {
             assert!(folder.path().join(&place).exists(), "{page}: {smaller} wrote no {place}");
         }

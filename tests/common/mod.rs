@@ -35,6 +35,13 @@ pub fn succeeded(output: &Output) {
     assert!(output.status.success(), "stderr: {}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// Asserts that a fit was written, whatever the verdict on it: exit code 0, or 1 with the sentence that it is not good.
+#[track_caller]
+pub fn fitted(output: &Output) {
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() || (output.status.code() == Some(1) && text.contains("is not good")), "{text}");
+}
+
 /// A synthetic scan of `SPEC` of `data/leaves` (without the extension) in a fresh folder.
 pub fn scan(folder: &Path, spec: &str, extra: &[&str]) -> PathBuf {
     let capture = folder.join("scan");

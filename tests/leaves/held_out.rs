@@ -1,7 +1,7 @@
 //! Frames that no fit uses. They are left out by choice and predicted within their noise. They reveal a wrong fit,
 //! whatever its files say about themselves.
 
-use crate::common::{copy_tree, run, scan, succeeded};
+use crate::common::{copy_tree, fitted, run, scan, succeeded};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
@@ -26,8 +26,9 @@ fn fitted() -> &'static (PathBuf, PathBuf) {
 
 fn report(fit: &Path) -> Value {
     let output = run(["report", fit.to_str().unwrap(), "--json"]);
-    succeeded(&output);
-    serde_json::from_slice::<Value>(&output.stdout).unwrap()["fits"][0].clone()
+    let report = serde_json::from_slice::<Value>(&output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(i32::from(report["verdict"]["level"] == "bad")));
+    report["fits"][0].clone()
 }
 
 /// Largest error of the rows of one kind, in units of the noise.
@@ -111,7 +112,7 @@ fn a_held_out_frame_is_not_seen_by_the_fit() {
     maps.channels.iter_mut().flat_map(|c| &mut c.1).for_each(|v| *v *= 1.2);
     write_exr(&path, &maps, Packing::Raw).unwrap();
     let out = dir.path().join("fit");
-    succeeded(&run(["fit", "leaf", spoilt.to_str().unwrap(), "-o", out.to_str().unwrap(), "--hold-out", "10"]));
+    fitted(&run(["fit", "leaf", spoilt.to_str().unwrap(), "-o", out.to_str().unwrap(), "--hold-out", "10"]));
     for name in ["front.exr", "front_err.exr", "back.exr"] {
         assert!(std::fs::read(out.join(name)).unwrap() == std::fs::read(fit.join(name)).unwrap(), "{name} differs");
     }

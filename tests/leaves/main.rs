@@ -5,8 +5,10 @@
 mod bad_scans;
 #[path = "../common/mod.rs"]
 mod common;
+mod consistent;
 mod dome;
 mod dome_input;
+mod faults;
 mod fits;
 mod held_out;
 mod inspect;

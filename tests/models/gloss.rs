@@ -193,6 +193,88 @@ fn goniometer_samples_give_back_a_known_leaf() {
     assert!(fits[1]["status"].starts_with("refused: line 50: view_zenith_deg is 95"), "{}", fits[1]["status"]);
 }
 
+/// Directions of a goniometer with readings of a known leaf in the lobe of Beckmann.
+fn scan(azimuth: f64) -> Vec<([f64; 4], f64)> {
+    let dir = |t: f64, p: f64| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
+    let mut out = Vec::new();
+    for source in [25.0f64, 50.0] {
+        for zenith in [0.0f64, 15.0, 30.0, 45.0, 60.0, 75.0] {
+            for turn in (0..360).step_by(45).map(f64::from) {
+                let l = dir(source.to_radians(), azimuth.to_radians());
+                let v = dir(zenith.to_radians(), (turn + azimuth).to_radians());
+                let h = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
+                let cos2 = h[2] * h[2] / (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
+                let d = (-(1.0 / cos2 - 1.0) / 0.09).exp() / (std::f64::consts::PI * 0.09 * cos2 * cos2);
+                let value = 0.1 + std::f64::consts::PI * 0.04 * d / (4.0 * l[2] * v[2]);
+                out.push(([source, azimuth, zenith, turn + azimuth], value));
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn directions_are_read_in_every_form_or_refused() {
+    let fit = |text: &str, more: &[&str]| mesophyll(&[&["fit", "gloss", "--samples"], more].concat(), text);
+    let table = |head: &str, line: &dyn Fn(&[f64; 4], f64) -> String| {
+        scan(70.0).iter().fold(format!("leaf,{head}\n"), |text, (a, v)| text + &format!("a,{}\n", line(a, *v)))
+    };
+    // The source's azimuth is used, in degrees and in radians; a negative zenith angle lies opposite.
+    let degrees = "source_zenith_deg,source_azimuth_deg,view_zenith_deg,view_azimuth_deg,brf";
+    let plain = table(degrees, &|a, v| format!("{},{},{},{},{v}", a[0], a[1], a[2], a[3]));
+    let signed = table(degrees, &|a, v| format!("{},{},{},{},{v}", a[0], a[1], -a[2], a[3] + 180.0));
+    let radians = table("source_zenith,source_azimuth,view_zenith,view_azimuth,brf", &|a, v| {
+        let [s, t, z, p] = a.map(f64::to_radians);
+        format!("{s},{t},{z},{p},{v}")
+    });
+    for text in [&plain, &signed, &radians] {
+        let (code, out, err) = fit(text, &[]);
+        assert_eq!(code, 0, "{err}");
+        let row = &rows(&out)[0];
+        assert!((number(row, "m") - 0.3).abs() < 1e-6 && (number(row, "rho_s") - 0.04).abs() < 1e-6, "{row:?}");
+        assert!(number(row, "tilt").abs() < 1e-6 && number(row, "tilt_y").abs() < 1e-6, "{row:?}");
+        assert_eq!(row["status"], "ok");
+    }
+    // Per cent, and a mirror side at the source's own azimuth.
+    let percent = table(degrees, &|a, v| format!("{},{},{},{},{}", a[0], a[1], a[2], a[3], 100.0 * v));
+    let status = |text: &str, more: &[&str]| rows(&fit(text, more).1)[0]["status"].clone();
+    assert!(status(&percent, &[]).contains("--percent"));
+    assert_eq!(status(&percent, &["--percent"]), "ok");
+    let opposite = table(degrees, &|a, v| format!("{},{},{},{},{v}", a[0], a[1], a[2], a[3] + 180.0));
+    assert!(status(&opposite, &[]).starts_with("undetermined: "));
+    assert_eq!(status(&opposite, &["--mirror-azimuth", "0"]), "ok");
+    // A view at the horizon costs itself, and is said.
+    let (_, out, err) = fit(&format!("{plain}a,30,70,90,70,0.1\n"), &[]);
+    assert!(rows(&out)[0]["status"] == "ok" && err.contains("view_zenith_deg is 90"), "{err}");
+    // A column that the fit would need.
+    let more = plain.replacen("brf", "relative_azimuth_deg,brf", 1);
+    let (code, _, err) = fit(&more, &[]);
+    assert!(code == 2 && err.contains("relative_azimuth_deg") && err.lines().count() == 1, "{err}");
+}
+
+#[test]
+fn the_lobe_and_its_index_are_chosen_by_evidence() {
+    let text =
+        scan(0.0).iter().fold("leaf,source_zenith_deg,view_zenith_deg,view_azimuth_deg,brf\n".into(), |t, (a, v)| {
+            format!("{t}a,{},{},{},{v}\n", a[0], a[2], a[3])
+        });
+    let fit = |more: &[&str]| mesophyll(&[&["fit", "gloss", "--samples"], more].concat(), &text);
+    let (code, out, err) = fit(&["--lobe", "auto"]);
+    assert_eq!(code, 0, "{err}");
+    let row = &rows(&out)[0];
+    assert!(err.contains("leaf a: lobe beckmann"), "{err}");
+    assert_eq!((number(row, "evidence_beckmann"), row["status"].as_str()), (0.0, "ok"));
+    for other in ["ggx", "cook_torrance", "ggx_fresnel"] {
+        assert!(number(row, &format!("evidence_{other}")) < -20.0, "{row:?}");
+    }
+    let (code, _, err) = fit(&["--index", "fit"]);
+    assert!(code == 2 && err.contains("cook-torrance"), "{err}");
+    let (_, out, _) = fit(&["--lobe", "cook-torrance", "--index", "fit"]);
+    let row = &rows(&out)[0];
+    assert!(row.contains_key("index_err") && row["status"].contains("index"), "{row:?}");
+    assert_eq!(number(&rows(&fit(&["--tilt", "0"]).1)[0], "tilt_err"), 0.0);
+}
+
 #[test]
 fn real_leaves() {
     let Some(data) = skips::data("leaves/brf.csv") else { return };

@@ -12,6 +12,7 @@ mod lobes;
 mod properties;
 mod sky;
 mod slab;
+mod slab_index;
 mod solve;
 mod spectra;
 

@@ -65,7 +65,7 @@ fn the_sun_may_be_given_in_degrees() {
         assert_eq!((&d[1..], d[6].as_str()), (&r[1..], "ok"));
     }
     let (code, out, _) = run("sun_zenith_deg,turbidity\n91,3\n-1,3\n");
-    assert_eq!(code, 0);
+    assert_eq!(code, 1, "every row is refused");
     for (row, found) in table(&out).1.iter().zip(["91", "-1"]) {
         assert_eq!(row[6], format!("refused: sun_zenith_deg is {found}; expected 0 (zenith) to 90 (horizon)"));
     }

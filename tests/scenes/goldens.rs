@@ -172,11 +172,12 @@ fn a_consistent_but_wrong_fit_misses_its_golden() {
         act(&fits);
         let output = check(&path, &out, &[]);
         let report = json(&output);
-        assert_eq!(
-            report["failures"].as_array().map(Vec::len),
-            Some(0),
-            "{what} of {scene} is seen without a golden: {report:#}"
-        );
+        // The window scales maps and numbers alike, so that what it saves agrees with itself. γ × .8 misses the gauge.
+        let named = report["failures"].as_array().unwrap();
+        match what {
+            "γ × .8" => assert!(named.iter().any(|f| f.as_str().unwrap().contains("the mean of gamma")), "{report:#}"),
+            _ => assert_eq!(named.len(), 0, "{what} of {scene} is seen without a golden: {report:#}"),
+        }
         assert_eq!(output.status.code(), Some(1), "{what} of {scene} passes: {report:#}");
         let missed: Vec<&Value> = report["views"].as_array().unwrap().iter().filter(|v| v["passed"] == false).collect();
         for view in &missed {

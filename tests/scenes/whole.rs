@@ -99,7 +99,8 @@ fn needed_fits_change_the_whole_scene_and_others_leave_it_alone() {
             .unwrap();
         let drawn = !skips::no_adapter(&output);
         let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
-        assert!(!drawn || output.status.success(), "{said:?}");
+        // Some of the changes contradict the rest of their fit, which the check names and draws all the same.
+        assert!(!drawn || matches!(output.status.code(), Some(0 | 1)), "{said:?}");
         drawn.then(|| std::fs::read(data.join("scenes/golden/whole-whole.png")).unwrap())
     };
     fresh();

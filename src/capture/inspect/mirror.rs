@@ -18,6 +18,12 @@ use std::path::Path;
 const LEAN_DEG: f64 = 0.1;
 /// An offset of more than this many standard errors is no chance.
 const SURE: f64 = 3.0;
+/// The reflection moves as far as the tube, up to this share.
+const TRAVEL: f64 = 0.01;
+/// It stands within this share of a texel of an even motion.
+const SCATTER: f64 = 0.5;
+/// Its width is that of the tube up to this share: a tube is darker at its rim.
+const WIDTH: f64 = 0.25;
 
 /// The reflection in one pass, compared with the stated geometry.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -32,6 +38,14 @@ pub struct MirrorCheck {
     pub error_mm: f64,
     /// How much the fitted normals will lean in that direction (degrees) if nothing is corrected.
     pub lean_deg: f64,
+    /// How far the reflection moves for a millimetre of the tube's travel; 1 where `texel_mm` is right.
+    pub travel: f64,
+    /// Scatter of the reflection about an even motion (mm).
+    pub scatter_mm: f64,
+    /// Half the width of the reflection as a tube's radius (mm); `None` where a texel is wider than half of it.
+    pub radius_mm: Option<f64>,
+    /// Whether all of this is as `capture.toml` says.
+    pub agrees: bool,
 }
 
 /// Adds the results of the capture's mirror strip to `found`: the offsets, and a note or a warning for each pass.
@@ -66,44 +80,95 @@ pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
     }
 }
 
-fn judge(m: &Manifest, pass: &Pass, offsets: &[f64], found: &mut Inspection) {
-    let n = offsets.len() as f64;
-    let mean = offsets.iter().sum::<f64>() / n;
-    let scatter = (offsets.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
+fn judge(m: &Manifest, pass: &Pass, seen: &[Seen], found: &mut Inspection) {
+    let n = seen.len() as f64;
+    let mean_of = |value: &dyn Fn(&Seen) -> f64| seen.iter().map(value).sum::<f64>() / n;
+    let (mean, middle) = (mean_of(&|s| s.offset), mean_of(&|s| s.expected));
+    // A straight line through the offsets: a texel of another size makes them grow with the place.
+    let spread = mean_of(&|s| (s.expected - middle).powi(2));
+    let slope = if spread > 0.0 { mean_of(&|s| (s.expected - middle) * (s.offset - mean)) / spread } else { 0.0 };
+    let square = |s: &Seen| (s.offset - mean - slope * (s.expected - middle)).powi(2);
+    let freedom = if seen.len() > 2 { n - 2.0 } else { 1.0 };
+    let scatter = (seen.iter().map(square).sum::<f64>() / freedom).sqrt();
     // One frame says nothing about its scatter, so a texel's width is taken instead.
-    let error = if offsets.len() > 1 { scatter / n.sqrt() } else { m.texel_mm };
+    let error = if seen.len() > 2 { scatter / n.sqrt() } else { m.texel_mm };
+    let slope_error = if seen.len() > 2 && spread > 0.0 { scatter / (n * spread).sqrt() } else { f64::INFINITY };
     let camera = m.camera_deg.to_radians();
     let turn = if pass.name == Travel::X { camera.cos().powi(2) } else { 1.0 };
     let lean = (-mean * turn / (2.0 * m.tube.height_mm)).to_degrees();
     let (name, axis) = (pass.name.name(), if pass.name == Travel::X { "x" } else { "y" });
-    let seen = format!(
+    let place = format!(
         "mirror/{name}: the tube's reflection stands {mean:+.3} ± {error:.3} mm from where capture.toml puts it ({n} \
          frames)"
     );
+    let mut amiss = Vec::new();
+    if slope.abs() > TRAVEL && slope.abs() > SURE * slope_error {
+        amiss.push(format!(
+            "the reflection moves by {:.3} mm for a millimetre of the tube: texel_mm should be {:.4} and not {}, or the \
+             stops lie otherwise than stated",
+            1.0 + slope,
+            m.texel_mm / (1.0 + slope),
+            m.texel_mm
+        ));
+    }
+    if scatter > SCATTER * m.texel_mm && (scatter * turn / (2.0 * m.tube.height_mm)).to_degrees() > LEAN_DEG {
+        amiss.push(format!(
+            "its places scatter by ± {scatter:.2} mm about an even motion: stops were missed, or frames are in the wrong \
+             order"
+        ));
+    }
+    let stretch = if pass.name == Travel::X { camera.cos() } else { 1.0 };
+    let half = |s: &Seen| s.width.map(|w| 0.5 * w * stretch);
+    let halves: Vec<f64> = seen.iter().filter_map(half).collect();
+    let radius = (!halves.is_empty()).then(|| halves.iter().sum::<f64>() / halves.len() as f64);
+    if let Some(a) = radius.filter(|a| (a - m.tube.radius_mm).abs() > WIDTH * m.tube.radius_mm.max(*a)) {
+        amiss.push(format!(
+            "the reflection is as wide as that of a tube of radius {a:.2} mm, and tube.radius_mm is {}",
+            m.tube.radius_mm
+        ));
+    }
     if lean.abs() > LEAN_DEG && mean.abs() > SURE * error {
         let suspects = match pass.name {
-            Travel::X if camera.tan().abs() > 0.1 => {
-                format!("start_mm or tube.height_mm is off (the height by {:+.2} mm)", mean / camera.tan())
-            }
-            _ => "start_mm is off".into(),
+            Travel::X if camera.tan().abs() > 0.1 => format!(
+                "tube.height_mm is off (by {:+.2} mm), camera_deg (the reflection fits {:.2}), or start_mm and end_mm",
+                mean / camera.tan(),
+                (camera.tan() + mean / m.tube.height_mm).atan().to_degrees()
+            ),
+            _ => "start_mm and end_mm are off".into(),
         };
-        found.warnings.push(format!(
-            "{seen}: normals will lean by {lean:+.2}° in {axis}; {suspects}, or the mirror is not level"
-        ));
+        amiss.push(format!("normals will lean by {lean:+.2}° in {axis}: {suspects}, or the mirror is not level"));
+    }
+    let agrees = amiss.is_empty();
+    if agrees {
+        found.notes.push(format!("{place}, worth {lean:+.2}° of tilt in {axis}"));
     } else {
-        found.notes.push(format!("{seen}, worth {lean:+.2}° of tilt in {axis}"));
+        found.warnings.push(format!("{place}; {}", amiss.join("; ")));
     }
     found.mirror.push(MirrorCheck {
         pass: name.into(),
-        frames: offsets.len(),
+        frames: seen.len(),
         offset_mm: mean,
         error_mm: error,
         lean_deg: lean,
+        travel: 1.0 + slope,
+        scatter_mm: scatter,
+        radius_mm: radius,
+        agrees,
     });
 }
 
-/// Distance of the reflection from its stated place in every frame that shows the whole of it.
-fn offsets(folder: &Path, m: &Manifest, pass: &Pass) -> Result<Vec<f64>> {
+/// The reflection in one frame (mm along the travel).
+struct Seen {
+    /// Where it must stand.
+    expected: f64,
+    /// How far from there it stands.
+    offset: f64,
+    /// Its width, where texels are fine enough to tell.
+    width: Option<f64>,
+}
+
+/// The reflection in every frame that shows the whole of it.
+fn offsets(folder: &Path, m: &Manifest, pass: &Pass) -> Result<Vec<Seen>> {
     let mut profiles = Vec::new();
     for (k, position) in pass.positions().into_iter().enumerate() {
         let path = mirror_path(folder, pass.name, k);
@@ -118,7 +183,15 @@ fn offsets(folder: &Path, m: &Manifest, pass: &Pass) -> Result<Vec<f64>> {
         .filter(|v| v.is_finite())
         .fold(0.0, f64::max);
     let shift = if pass.name == Travel::X { m.tube.height_mm * m.camera_deg.to_radians().tan() } else { 0.0 };
-    Ok(profiles.iter().filter_map(|(position, p)| Some(centre(p, top)? - position - shift)).collect())
+    let seen = |(position, p): &(f64, Vec<(f64, f64)>)| {
+        let centre = centre(p, top)?;
+        let base = base(p);
+        let texel = p.windows(2).map(|w| (w[1].0 - w[0].0).abs()).fold(f64::INFINITY, f64::min);
+        let width = p.iter().map(|(_, v)| v - base).filter(|v| *v > 0.05 * top).sum::<f64>() * texel / top;
+        let expected = position + shift;
+        Some(Seen { expected, offset: centre - expected, width: (width > 2.0 * texel).then_some(width) })
+    };
+    Ok(profiles.iter().filter_map(seen).collect())
 }
 
 /// Place along the travel and mean value over the strip and the channels. Places without any reading are left out.

@@ -161,7 +161,7 @@ impl Lobed<'_> {
         let (peak, low, width) = self.peak(&seen.axis);
         // The lobe is cut where it has fallen to e^−50. Turning the direction by the tube's half width turns α by at
         // most half of it.
-        if !matches!(self.lobe, Lobe::Ggx) {
+        if !matches!(self.lobe, Lobe::Ggx | Lobe::GgxFresnel { .. }) {
             let nearest = (low.sqrt() - 2.0 * seen.half_width).max(0.0);
             if nearest * nearest > 50.0 * self.m * self.m {
                 return 0.0;
@@ -218,18 +218,18 @@ impl Lobed<'_> {
         let inverse = double / (h * h); // 1/cos²α
         let m2 = self.m * self.m;
         let bell = |x: f64| (-(x - 1.0) / m2).exp() * x * x / m2;
+        let tailed = |x: f64| m2 * x * x / (m2 + x - 1.0).powi(2);
+        let masked = |index: f64| {
+            let half = double.sqrt();
+            let cosine = 0.5 * half; // v·h = |ω + v|/2
+            let g = (2.0 * h / half / cosine * self.facing.min(light)).min(1.0);
+            g * fresnel(cosine, index)
+        };
         c * match self.lobe {
             Lobe::Beckmann => bell(inverse),
-            Lobe::Ggx => {
-                let d = m2 + inverse - 1.0;
-                m2 * inverse * inverse / (d * d)
-            }
-            Lobe::CookTorrance { index } => {
-                let half = double.sqrt();
-                let cosine = 0.5 * half; // v·h = |ω + v|/2
-                let g = (2.0 * h / half / cosine * self.facing.min(light)).min(1.0);
-                bell(inverse) * g * fresnel(cosine, index)
-            }
+            Lobe::Ggx => tailed(inverse),
+            Lobe::CookTorrance { index } => bell(inverse) * masked(index),
+            Lobe::GgxFresnel { index } => tailed(inverse) * masked(index),
         }
     }
 
@@ -267,10 +267,12 @@ impl Lobed<'_> {
         const TAILED: [f64; 8] = [0.0, 1.0, 2.5, 6.0, 15.0, 40.0, 100.0, 300.0];
         // V-cavity masking has kinks, so the panels are narrower.
         const KINKED: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5];
+        const BOTH: [f64; 16] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5, 10.0, 15.0, 40.0, 100.0, 300.0];
         let edges: &[f64] = match self.lobe {
             Lobe::Beckmann => &BELL,
             Lobe::Ggx => &TAILED,
             Lobe::CookTorrance { .. } => &KINKED,
+            Lobe::GgxFresnel { .. } => &BOTH,
         };
         let mut lit_rays: Vec<_> = rays
             .iter()

@@ -61,11 +61,11 @@ fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3],
             let ca = dot(n, h);
             let tan2 = 1.0 / (ca * ca) - 1.0;
             let dist = match lobe {
-                Lobe::Ggx => m * m / (PI * ca.powi(4) * (m * m + tan2).powi(2)),
+                Lobe::Ggx | Lobe::GgxFresnel { .. } => m * m / (PI * ca.powi(4) * (m * m + tan2).powi(2)),
                 _ => (-tan2 / (m * m)).exp() / (PI * m * m * ca.powi(4)),
             };
             let extra = match lobe {
-                Lobe::CookTorrance { index } => {
+                Lobe::CookTorrance { index } | Lobe::GgxFresnel { index } => {
                     let ch = dot(v, h);
                     let st = (1.0 - ch * ch).sqrt() / index;
                     let ct = (1.0 - st * st).sqrt();
@@ -101,7 +101,13 @@ fn it_is_the_integral_over_the_cylinders_surface() {
         let n = unit(n);
         let device = Device::new(TUBE, travel, 55.0);
         let (t, l) = if travel == Travel::X { (at[0], at[1]) } else { (at[1], at[0]) };
-        for (lobe, limit) in [(Lobe::Beckmann, 1e-6), (Lobe::Ggx, 1e-6), (Lobe::CookTorrance { index: 1.45 }, 2e-5)] {
+        let index = 1.45;
+        for (lobe, limit) in [
+            (Lobe::Beckmann, 1e-6),
+            (Lobe::Ggx, 1e-6),
+            (Lobe::CookTorrance { index }, 2e-5),
+            (Lobe::GgxFresnel { index }, 5e-5),
+        ] {
             let found = device.shown(&device.seen(position, t), l, n, Some(m), lobe);
             let exact = by_area(TUBE, travel, position, at, n, m, lobe);
             let errors = [

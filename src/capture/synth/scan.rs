@@ -115,6 +115,7 @@ fn manifest_of(spec: &Spec, leaf: &Leaf, options: &Options) -> Manifest {
         camera_deg: device.camera_deg,
         noise_relative: Some(options.noise),
         noise_floor: Some(if options.noise > 0.0 { device.noise_floor } else { 0.0 }),
+        white_reflectance: None,
         sides: vec![Side::Front, Side::Back],
         tube: device.tube,
         lightbox: LightBox { camera_deg: device.lightbox_camera_deg },

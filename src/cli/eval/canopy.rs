@@ -3,8 +3,8 @@
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
-use mesophyll_files::table::{self, Answer, Spec, Table};
-use mesophyll_files::{atomic, table::BatchIo};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
+use mesophyll_files::{atomic, claim};
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::fits::missing::input_hash;
 use mesophyll_placed::{leaf::Search, ledger::Ledger};
@@ -47,12 +47,24 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    // The table and the output are checked before the scene is read and its leaves are fitted.
+    let spec = Spec {
+        required: vec!["view_zenith_deg".into()],
+        optional: vec!["view_azimuth_deg".into()],
+        outputs: vec!["brf".into(), "brf_err".into()],
+        ..Spec::default()
+    };
+    let io = BatchIo { input: args.directions.clone().unwrap_or_default(), output: args.output.clone() };
+    let open = |file: &PathBuf| Batch::open(Table::open(file)?, &io.rows(common.json), &spec);
+    let batch = args.directions.as_ref().map(open).transpose()?;
+    claim::file(&args.output, &["csv", "json"], &[&args.scene])?;
     let ledger = Ledger::new();
     let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
     let mut manifest = Manifest::read(&args.scene)?;
     // No view is needed, but all leaves must be there.
     manifest.look_from_above();
     let scene = Scene::open(manifest, search, &ledger)?;
+    scene.require_sound_fits(&ledger)?;
     let world = reference::traced(&scene, 0.0, &ledger)?;
     let canopy = Canopy::new(&world, args.seed).map_err(|what| Error::input(&args.scene, what))?;
     let channel = ["R", "G", "B"].iter().position(|c| *c == args.channel).unwrap_or(1);
@@ -60,22 +72,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let what = format!("0 in channel {}, expected a sun that shines in it, or another --channel", args.channel);
         return Err(Error::field(&args.scene, "sun.irradiance", what));
     }
-    match &args.directions {
-        Some(file) => directions(args, file, &canopy, channel, common),
+    match batch {
+        Some(batch) => directions(args, batch, &io, &canopy, channel, common),
         None => fluxes(args, &canopy, channel, common),
     }
 }
 
-fn directions(args: &Args, file: &Path, canopy: &Canopy, channel: usize, common: &Common) -> Result<u8> {
-    let spec = Spec {
-        required: vec!["view_zenith_deg".into()],
-        optional: vec!["view_azimuth_deg".into()],
-        outputs: vec!["brf".into(), "brf_err".into()],
-        ..Spec::default()
-    };
-    let io = BatchIo { input: file.to_path_buf(), output: args.output.clone() };
+fn directions(args: &Args, batch: Batch, io: &BatchIo, canopy: &Canopy, channel: usize, common: &Common) -> Result<u8> {
     let bar = Bar::of("directions");
-    let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
+    let tally = batch.run(|row, out| {
         let (zenith, azimuth) = (row.get(0), row.get(1));
         // Without an azimuth the view is in the sun's plane. As is usual there, negative angles are on the sun's side.
         let (zenith, azimuth) = match azimuth.is_nan() {
@@ -93,7 +98,7 @@ fn directions(args: &Args, file: &Path, canopy: &Canopy, channel: usize, common:
         bar.advance(1);
         out.push(Answer::ok(vec![brf.mean, brf.error]));
     })?;
-    batch::say_tally(&tally, &io, common, "direction")?;
+    batch::say_tally(&tally, io, common, "direction")?;
     Ok(0)
 }
 

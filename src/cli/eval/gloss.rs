@@ -3,7 +3,7 @@
 use crate::fit::gloss::LobeArgs;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
-use mesophyll_files::table::{self, Answer, BatchIo, Table};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
 use mesophyll_fit::gloss::geometry::Geometry;
 use mesophyll_fit::gloss::{M_RANGE, normal_of};
 use mesophyll_optics::tube::{Model, Precision, Travel};
@@ -43,8 +43,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::argument("--noise", s, "zero or a positive number"));
     }
     let device = geometry.device(args.lobe.lobe()?);
-    let precision = Precision { along: args.quadrature.into(), ..Precision::fine() };
-    let model = Model::new(device.tube(), device.camera, device.lobe, &precision);
     let table = Table::open(&args.io.input)?;
     let rgb = table.column("rho_d_r").is_some();
     let suffixes: &[&str] = if rgb { &["_r", "_g", "_b"] } else { &[""] };
@@ -55,7 +53,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         names("rho_d").into_iter().chain(names("rho_s")).chain(["m".into(), tilt_column.clone()]).collect();
     let optional: Vec<String> = vec![tilt_y_column, "seed".into()];
     let positions = geometry.positions_mm();
-    let spec = table::Spec {
+    let spec = Spec {
         dropped: required.iter().chain(&optional).cloned().collect(),
         required,
         optional,
@@ -63,9 +61,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             .iter()
             .flat_map(|c| (0..positions.len()).map(move |k| format!("{c}{k}")))
             .collect(),
-        ..table::Spec::default()
+        ..Spec::default()
     };
-    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
+    let precision = Precision { along: args.quadrature.into(), ..Precision::fine() };
+    let model = Model::new(device.tube(), device.camera, device.lobe, &precision);
+    let tally = batch.run(|row, out| {
         let (m, tilt) = (row.get(2 * channels), tilt_unit * row.get(2 * channels + 1));
         let tilt_y = if row.get(2 * channels + 2).is_nan() { 0.0 } else { tilt_y_unit * row.get(2 * channels + 2) };
         if !(M_RANGE[0] * 0.01..=10.0).contains(&m) {

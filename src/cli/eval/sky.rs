@@ -4,7 +4,7 @@ use crate::Result;
 use crate::named::named;
 use crate::{Common, batch, tables};
 use mesophyll_files::progress;
-use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
 use mesophyll_fit_sky::evaluate::{Evaluator, Source};
 use mesophyll_fit_sky::window::WindowKind;
 use mesophyll_sky::SkyModel;
@@ -56,10 +56,6 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (bands, window, ground) = (usize::from(args.bands), args.window, args.ground);
-    let skies = match &args.fit {
-        Some(folder) => Evaluator::of_folder(folder, bands, window, ground)?,
-        None => Evaluator::new(args.method, args.model, args.albedo, bands, window, ground)?,
-    };
     let table = Table::open(&args.io.input)?;
     let (sun_column, sun_unit) = table.angle("sun_zenith")?;
     let spec = Spec {
@@ -68,8 +64,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         whole: vec!["index".into()],
         ..Spec::default()
     };
+    let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
+    let skies = match &args.fit {
+        Some(folder) => Evaluator::of_folder(folder, bands, window, ground)?,
+        None => Evaluator::new(args.method, args.model, args.albedo, bands, window, ground)?,
+    };
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let tally = batch.run(|row, out| {
         let (sun, turbidity) = (sun_unit * row.get(0), row.get(1));
         match skies.at(sun, turbidity) {
             Ok(found) => {

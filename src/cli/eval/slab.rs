@@ -4,9 +4,13 @@ use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
-use mesophyll_optics::slab::verdict::{self, Method};
+use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
+use mesophyll_optics::slab::verdict::{Evaluator, Method};
 
 /// CSV columns `omega,delta` (single-scattering albedo, optical thickness) → `rho_d,rho_t,status`.
+///
+/// The slab scatters isotropically. It has the index of its surroundings, so that its faces reflect nothing; with `--index
+/// N` it lies in air, and rho_d has the mirror reflection of its faces, as an integrating sphere measures it.
 ///
 /// Near ω = 1, `one_minus_omega` may be given as a column of its own; where it is, it decides and omega only has to
 /// agree to 1e-9.
@@ -22,6 +26,10 @@ pub struct Args {
     /// Angle of the beam from the normal, below 90 (with --method exact)
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
     incidence_deg: f64,
+    /// Refractive index of the slab; its faces reflect light from outside and from inside, beyond the critical angle all
+    /// of it (fast or exact)
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    index: f64,
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -31,6 +39,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if args.incidence_deg != 0.0 && args.method != Method::Exact {
         return Err(Error::Usage("--incidence-deg needs --method exact; the others are made for a normal beam".into()));
     }
+    if !INDEX.contains(&args.index) {
+        return Err(Error::argument("--index", args.index, INDEX_EXPECTED));
+    }
+    if args.index != 1.0 && args.method == Method::Fn {
+        return Err(Error::Usage("--index needs --method fast or exact; fn is for faces that reflect nothing".into()));
+    }
     let mu0 = args.incidence_deg.to_radians().cos();
     let spec = Spec {
         required: vec!["omega".into(), "delta".into()],
@@ -38,8 +52,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         outputs: vec!["rho_d".into(), "rho_t".into()],
         ..Spec::default()
     };
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
-        out.push(match verdict::evaluate(args.method, mu0, row.get(0), row.get(1), row.get(2)) {
+    let table = Table::open(&args.io.input)?;
+    let slabs = Evaluator::new(args.method, mu0, args.index);
+    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+        out.push(match slabs.evaluate(row.get(0), row.get(1), row.get(2)) {
             (_, Status::Refused(why)) => Answer::refused(why),
             (r, status) => Answer { values: vec![r.rho_d, r.rho_t], status },
         });

@@ -1,17 +1,20 @@
 //! `mesophyll fit foliar`: R and T at some wavelengths in, pigments and the epidermis's oblateness out.
 
+use super::spectra::{self, Column, LEAF, Long, Shares};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
-use mesophyll_files::progress;
-use mesophyll_files::table::{self, Answer, BatchIo, GroupRow, Groups, Spec, Table, Tally, counted};
+use mesophyll_files::table::{
+    Answer, Batch, BatchIo, GroupRow, Groups, LeftOut, Physical, Spec, Table, Tally, counted,
+};
+use mesophyll_files::{atomic, progress};
 use mesophyll_fit::foliar::surface::{MOST_OBLATE, Setting};
 use mesophyll_fit::foliar::{Known, Model, Parameter, Reading, pigments};
 use mesophyll_optics::foliar::pigments::Spectrum;
 use mesophyll_optics::foliar::{Oblateness, Path};
 use mesophyll_optics::side::Side;
 use mesophyll_report::spectrum::{self, Line, Panel};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
@@ -50,34 +53,12 @@ pub struct Args {
     /// Oblateness of the spongy tissue's lobes, 0 to 12
     #[arg(long, value_name = "OB", default_value_t = Oblateness::USUAL.spongy)]
     oblateness_spongy: f64,
+    /// R and T, and their errors, are in per cent; --noise stays a share of 1
+    #[arg(long)]
+    percent: bool,
     /// Draw measured and computed R and T over wavelength into this folder, a picture a leaf; for spectra in long form
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
-}
-
-/// A column of readings.
-pub struct Column {
-    pub name: String,
-    /// In nm.
-    pub wavelength: f64,
-    /// Of transmittance.
-    pub through: bool,
-    /// Where its name says so.
-    pub abaxial: bool,
-}
-
-/// `R450`, `T550.5`, `R450_abaxial`.
-pub fn column(name: &str) -> Option<Column> {
-    let through = match name.as_bytes().first()? {
-        b'R' => false,
-        b'T' => true,
-        _ => return None,
-    };
-    let rest = &name[1..];
-    let (number, abaxial) = rest.strip_suffix("_abaxial").map_or((rest, false), |n| (n, true));
-    let digits = number.starts_with(|c: char| c.is_ascii_digit());
-    let wavelength = number.parse::<f64>().ok().filter(|w| digits && w.is_finite())?;
-    Some(Column { name: name.to_string(), wavelength, through, abaxial })
 }
 
 const SUBSTANCES: [Parameter; 5] =
@@ -104,7 +85,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ));
     }
     let spectrum = pigments::read(&args.pigments)?;
-    let table = Table::open(&args.io.input)?;
+    let table = spectra::open(&args.io.input)?;
     let setting = Setting {
         palisade: args.oblateness_palisade,
         spongy: args.oblateness_spongy,
@@ -113,12 +94,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     };
     let given: Vec<Parameter> =
         SUBSTANCES.into_iter().chain([Parameter::Oblateness]).filter(|p| !args.asked.contains(p)).collect();
-    let (tally, stated) = if table.column(WAVELENGTH).is_some() {
-        long(args, common, table, &spectrum, setting, &given)?
-    } else if args.plots.is_some() {
-        return Err(Error::Usage(format!("--plots draws spectra in long form; expected a column {WAVELENGTH}")));
-    } else {
-        wide(args, common, table, &spectrum, setting, &given)?
+    let (tally, stated) = match spectra::long(&table)? {
+        Some(form) => long(args, common, table, &form, &spectrum, setting, &given)?,
+        None if args.plots.is_some() => {
+            return Err(Error::Usage("--plots draws spectra in long form; expected a column wavelength_nm".into()));
+        }
+        None => wide(args, common, table, &spectrum, setting, &given)?,
     };
     batch::say_tally(&tally, &args.io, common, "leaf")?;
     if !stated {
@@ -130,10 +111,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     Ok(0)
 }
-
-const WAVELENGTH: &str = "wavelength_nm";
-/// Columns of readings in long form, then their errors.
-const LONG: [&str; 4] = ["R", "T", "R_err", "T_err"];
 
 /// The lit side that a cell names; the upper one where it names none.
 fn side(word: Option<&str>) -> std::result::Result<Side, String> {
@@ -162,6 +139,36 @@ fn known(given: &[Parameter], cells: &[f64]) -> std::result::Result<Known, Strin
     Ok(known)
 }
 
+/// What the command takes, for messages.
+const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R450, T450, or spectra in long form: leaf, \
+                     wavelength_nm, R, T";
+
+/// Why a share of light can be no reading of a leaf, if so; noise may carry it a little beyond 0 and 1.
+fn impossible(column: &Column, value: f64) -> Option<String> {
+    (!(-0.1..=1.1).contains(&value)).then(|| format!("{} is {value}; expected 0 to 1", column.name))
+}
+
+/// What is asked of the columns of readings, their errors and the contents that are given.
+fn asked_of(columns: &[Column], given: &[Parameter], outputs: Vec<String>) -> Spec {
+    let readings: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
+    let errors: Vec<String> = columns.iter().map(|c| c.error.clone()).collect();
+    let contents: Vec<String> = given.iter().map(|p| p.column().to_string()).collect();
+    Spec {
+        optional: [&readings[..], &errors, &contents].concat(),
+        outputs,
+        whole: vec!["minima".into()],
+        texts: vec!["side".into()],
+        readings: [&readings[..], &errors].concat(),
+        physical: vec![Physical::shares(readings), Physical::not_negative([errors, contents].concat())],
+        ..Spec::default()
+    }
+}
+
+/// Whether the table has an error for each reading, or one was given for all.
+fn noise_is_stated(args: &Args, table: &Table, columns: &[Column]) -> bool {
+    args.noise.is_some() || columns.iter().all(|c| table.column(&c.error).is_some())
+}
+
 /// One row for each leaf, one column for each reading. Also returns whether the noise is stated.
 fn wide(
     args: &Args,
@@ -171,53 +178,92 @@ fn wide(
     setting: Setting,
     given: &[Parameter],
 ) -> Result<(Tally, bool)> {
-    let columns: Vec<Column> = table.header.iter().filter_map(|name| column(name)).collect();
-    if columns.is_empty() {
-        let what = "no columns of readings; expected R and T with a wavelength in nm, such as R450, T450, or spectra \
-                    in long form: leaf, wavelength_nm, R, T";
-        return Err(Error::input(table.name(), what));
+    let found = spectra::wide(&table);
+    let [low, high] = spectrum.range();
+    let (columns, outside): (Vec<Column>, Vec<Column>) =
+        found.readings.iter().cloned().partition(|c| (low..=high).contains(&c.wavelength));
+    if found.readings.is_empty() {
+        return Err(spectra::nothing(&table, &found, TAKES));
     }
-    // One light for each wavelength and side, so that R and T of one light share what is computed.
+    // One light for each wavelength and side, so that R and T of one light share what is computed. A table whose
+    // wavelengths are all outside the table of pigments is refused with one of them.
     let mut lights: Vec<(f64, Side)> = Vec::new();
-    for c in &columns {
+    for c in if columns.is_empty() { &outside } else { &columns } {
         for side in [Side::Front, Side::Back] {
             if !lights.contains(&(c.wavelength, side)) {
                 lights.push((c.wavelength, side));
             }
         }
     }
-    let model = Model::new(spectrum, &lights, setting, &args.asked, args.noise)
-        .map_err(|what| Error::input(table.name(), what))?;
-    let names = columns.iter().map(|c| c.name.clone());
-    let errors = columns.iter().map(|c| format!("{}_err", c.name));
-    let spec = Spec {
-        optional: names.chain(errors).chain(given.iter().map(|p| p.column().to_string())).collect(),
-        outputs: model.outputs(),
-        whole: vec!["minima".into()],
-        texts: vec!["side".into()],
-        ..Spec::default()
-    };
-    if table.column("side").is_none() && columns.iter().all(|c| !c.abaxial) {
+    let (name, file) = (table.name().to_path_buf(), table.name().display().to_string());
+    let model =
+        Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
+    if !outside.is_empty() {
+        let columns = counted(outside.len(), "column");
+        progress::say(format!("{file}: {columns} outside {low} to {high} nm, the table of pigments, are not read"));
+    }
+    let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
+    let shares = Shares::of(&table, &names, args.percent)?;
+    let spec = asked_of(&columns, given, model.outputs());
+    let front_only = table.column("side").is_none() && columns.iter().all(|c| !c.is_abaxial());
+    let stated = noise_is_stated(args, &table, &columns);
+    let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
+    if front_only && !shares.refuses_all() {
         model.prepare(Side::Front);
     }
-    let stated = args.noise.is_some() || columns.iter().all(|c| table.column(&format!("{}_err", c.name)).is_some());
-    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let (n, left) = (columns.len(), LeftOut::default());
+    let tally = batch.run(|row, out| {
+        if let Some(why) = shares.refuse(names.iter().map(String::as_str).zip(row.all().iter().copied())) {
+            return out.push(Answer::refused(why));
+        }
         let answer = side(row.text(0)).and_then(|lit| {
             let mut readings: Vec<Reading> = Vec::new();
+            let mut bad: Vec<String> = row.faults().map(|(_, why)| why.to_string()).collect();
             for (k, c) in columns.iter().enumerate() {
-                let side = if c.abaxial { Side::Back } else { lit };
-                let light = lights.iter().position(|l| *l == (c.wavelength, side)).unwrap_or(0);
-                let (value, err) = (row.get(k), row.get(columns.len() + k));
-                if !value.is_nan() {
-                    readings.push(Reading { light, through: c.through, value, err });
+                let (value, err) = (shares.scale * row.get(k), shares.scale * row.get(n + k));
+                let light = (c.wavelength, c.side.unwrap_or(lit));
+                // A reading whose error cannot be read has no weight.
+                if value.is_nan() || row.faults().any(|(place, _)| place == n + k) {
+                    continue;
+                }
+                match impossible(c, value) {
+                    Some(why) => bad.push(why),
+                    None => {
+                        let light = lights.iter().position(|l| *l == light).unwrap_or(0);
+                        readings.push(Reading { light, through: c.through, value, err });
+                    }
                 }
             }
+            if readings.is_empty() && !bad.is_empty() {
+                return Err(format!("no reading can be used: {}", bad[0]));
+            }
+            bad.into_iter().for_each(|why| left.add(row.line(), why));
             readings.sort_by_key(|r| r.light);
-            Ok(model.fit(&readings, &known(given, &row.all()[2 * columns.len()..])?))
+            Ok(model.fit(&readings, &known(given, &row.all()[2 * n..])?))
         });
         out.push(answer.unwrap_or_else(Answer::refused));
     })?;
+    left.say(&name);
     Ok((tally, stated))
+}
+
+/// All rows of a table in long form, grouped by leaf. A table without a column of leaves holds one leaf, named as the
+/// file, where no wavelength is repeated.
+fn leaves(table: Table, spec: &Spec) -> Result<Groups> {
+    if let Some(by) = LEAF.into_iter().find(|by| table.column(by).is_some()) {
+        return Groups::read(table, spec, by);
+    }
+    let (name, source) = (table.name().to_path_buf(), table.source().to_path_buf());
+    let groups = Groups::one(table, spec, LEAF[0], &spectra::only_leaf(&source))?;
+    let mut seen = HashSet::new();
+    if let Some(row) = groups.rows().find(|row| !seen.insert((row.values[0].to_bits(), row.texts[0].clone()))) {
+        let what = format!(
+            "no such column, and the wavelength {} of line {} is there before; expected the name of the leaf in each row",
+            row.values[0], row.line
+        );
+        return Err(Error::field(&name, LEAF[0], what));
+    }
+    Ok(groups)
 }
 
 /// One row for each wavelength. Also returns whether the noise is stated.
@@ -225,62 +271,75 @@ fn long(
     args: &Args,
     common: &Common,
     table: Table,
+    form: &Long,
     spectrum: &Spectrum,
     setting: Setting,
     given: &[Parameter],
 ) -> Result<(Tally, bool)> {
+    let Long { wavelength, unit_nm, readings: columns } = form;
     let name = table.name().to_path_buf();
-    if LONG[..2].iter().all(|c| table.column(c).is_none()) {
-        return Err(Error::input(&name, "no columns of readings; expected R or T beside wavelength_nm"));
+    if columns.is_empty() {
+        let found = spectra::wide(&table);
+        return Err(match found.replicates.is_empty() {
+            true => Error::input(&name, format!("no columns of readings; expected R or T beside {wavelength}")),
+            false => spectra::nothing(&table, &found, TAKES),
+        });
     }
-    let measured = |of: &str| table.column(of).is_none() || table.column(&format!("{of}_err")).is_some();
-    let stated = args.noise.is_some() || LONG[..2].iter().all(|of| measured(of));
-    let mut spec = Spec {
-        required: vec![WAVELENGTH.into()],
-        optional: LONG.iter().map(|c| c.to_string()).chain(given.iter().map(|p| p.column().to_string())).collect(),
-        whole: vec!["minima".into()],
-        texts: vec!["side".into()],
-        ..Spec::default()
+    let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
+    let shares = Shares::of(&table, &names, args.percent)?;
+    let stated = noise_is_stated(args, &table, columns);
+    let mut spec = asked_of(columns, given, Vec::new());
+    spec.required = vec![wavelength.clone()];
+    spec.physical.push(Physical::not_negative(spec.required.clone()));
+    let groups = leaves(table, &spec)?;
+    let sink = groups.open(&args.io.rows(common.json))?;
+    if let Some(folder) = &args.plots {
+        atomic::probe_folder(folder)?;
+    }
+    let light_of = |row: &GroupRow, c: &Column| {
+        let side = c.side.map_or_else(|| side(row.texts[0].as_deref()), Ok);
+        side.map(|side| (spectra::in_nm(row.values[0], *unit_nm), side))
     };
-    let groups = Groups::read(table, &spec, "leaf")?;
-    let light_of = |row: &GroupRow| side(row.texts[0].as_deref()).map(|side| (row.values[0], side));
     let key = |(wavelength, side): (f64, Side)| (wavelength.to_bits(), side == Side::Back);
-    // Rows outside the range of the table of pigments cause their leaf to be refused below.
+    // Readings outside the table of pigments are left out below.
     let [low, high] = spectrum.range();
-    let mut lights: Vec<(f64, Side)> =
-        groups.rows().filter_map(|row| light_of(row).ok()).filter(|(w, _)| (low..=high).contains(w)).collect();
+    let all = groups.rows().flat_map(|row| columns.iter().filter_map(move |c| light_of(row, c).ok()));
+    let mut lights: Vec<(f64, Side)> = all.filter(|(w, _)| (low..=high).contains(w)).collect();
     lights.sort_by(|a, b| a.0.total_cmp(&b.0).then(key(*a).cmp(&key(*b))));
     lights.dedup();
     let places: HashMap<_, _> = lights.iter().enumerate().map(|(k, l)| (key(*l), k)).collect();
     let model =
         Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
-    for side in [Side::Front, Side::Back] {
-        model.prepare(side);
-    }
     spec.outputs = model.outputs();
+    if !shares.refuses_all() {
+        [Side::Front, Side::Back].into_iter().for_each(|side| model.prepare(side));
+    }
+    let n = columns.len();
     let drawn: Mutex<HashMap<String, Vec<Panel>>> = Mutex::default();
-    let tally = groups.run(&args.io.rows(common.json), &spec, |leaf, rows| {
+    let tally = groups.run_into(sink, &spec, |leaf, rows, left| {
         let mut readings: Vec<Reading> = Vec::new();
         for row in rows {
-            let light = match light_of(row) {
-                Ok(light) => light,
-                Err(why) => return Answer::refused(format!("line {}: {why}", row.line)),
-            };
-            let Some(&place) = places.get(&key(light)) else {
-                return Answer::refused(format!(
-                    "line {}: {WAVELENGTH} is {}; the table of pigments has {low} to {high}",
-                    row.line, light.0
-                ));
-            };
-            for (k, through) in [false, true].into_iter().enumerate() {
-                let (value, err) = (row.values[1 + k], row.values[3 + k]);
-                if !value.is_nan() {
-                    readings.push(Reading { light: place, through, value, err });
+            let cells = &row.values[1..];
+            if let Some(why) = shares.refuse(names.iter().map(String::as_str).zip(cells.iter().copied())) {
+                return Answer::refused(format!("line {}: {why}", row.line));
+            }
+            for (k, c) in columns.iter().enumerate() {
+                let (value, err) = (shares.scale * cells[k], shares.scale * cells[n + k]);
+                if value.is_nan() {
+                    continue;
+                }
+                let place = light_of(row, c).and_then(|light| {
+                    let outside = || format!("{wavelength} is {}; the table of pigments has {low} to {high}", light.0);
+                    places.get(&key(light)).copied().ok_or_else(outside)
+                });
+                match place.and_then(|place| impossible(c, value).map_or(Ok(place), Err)) {
+                    Ok(light) => readings.push(Reading { light, through: c.through, value, err }),
+                    Err(why) => left.add(row.line, why),
                 }
             }
         }
         readings.sort_by_key(|r| r.light);
-        let known = match known(given, &rows[0].values[1 + LONG.len()..]) {
+        let known = match known(given, &rows[0].values[1 + 2 * n..]) {
             Ok(known) => known,
             Err(why) => return Answer::refused(format!("line {}: {why}", rows[0].line)),
         };

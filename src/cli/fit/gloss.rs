@@ -1,12 +1,14 @@
 //! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
-use crate::named::named;
+use crate::named::{named, named_or};
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use clap::builder::TypedValueParser;
 use mesophyll_capture::goniometer;
-use mesophyll_files::table::{self, BatchIo, Table, Tally};
+use mesophyll_files::table::{self, BatchIo, LeftOut, Table, Tally};
 use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
-use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter, samples};
+use mesophyll_fit::gloss::samples::{self, INDEX, Settings, Surface, Tilts};
+use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Precision;
 use std::cell::RefCell;
@@ -27,8 +29,23 @@ pub struct Args {
     /// With --samples: columns of reflectance factors, by comma (default: those whose names begin with brf)
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',', requires = "samples")]
     values: Vec<String>,
-    #[command(flatten)]
-    lobe: LobeArgs,
+    /// Surface. Where none is named, it is beckmann, and the status says where another one describes a leaf far better
+    #[arg(long, value_name = "LOBE", value_parser = lobe_or_auto())]
+    lobe: Option<Surface>,
+    /// Refractive index of a surface with Fresnel reflectance [default: 1.45]. With --samples also `fit`: it is fitted,
+    /// between 1.2 and 1.7
+    #[arg(long, value_name = "N|fit", value_parser = index)]
+    index: Option<Index>,
+    /// With --samples: which tilts of the normal are fitted [default: free]
+    #[arg(long, value_parser = named::<Tilts>(), requires = "samples")]
+    tilt: Option<Tilts>,
+    /// With --samples: the view azimuth, counted from the source's, at which the mirror side lies [default: 180].
+    /// Where it is stated, leaves that seem to lean far are believed
+    #[arg(long, value_name = "0|180", value_parser = mirror, requires = "samples")]
+    mirror_azimuth: Option<u16>,
+    /// With --samples: the readings are per cent
+    #[arg(long, requires = "samples")]
+    percent: bool,
     /// Gauss-Legendre nodes on half the tube
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=256))]
     quadrature: u16,
@@ -39,13 +56,45 @@ pub struct Args {
     io: BatchIo,
 }
 
+/// What `--lobe auto` does, for the help.
+const AUTO: &str = "With --samples: the one that describes a leaf best; by how much is said";
+
+/// An index of refraction, or that it is fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Index {
+    Of(f64),
+    Fit,
+}
+
+fn index(text: &str) -> std::result::Result<Index, String> {
+    if text == "fit" {
+        return Ok(Index::Fit);
+    }
+    let read: Option<f64> = text.parse().ok();
+    read.filter(|n| *n > 1.0 && *n < 4.0)
+        .map(Index::Of)
+        .ok_or_else(|| "expected more than 1 and less than 4, or fit".to_string())
+}
+
+fn lobe_or_auto() -> impl TypedValueParser<Value = Surface> {
+    named_or::<LobeKind>("auto", AUTO).map(|kind| kind.map_or(Surface::Auto, Surface::Of))
+}
+
+fn mirror(text: &str) -> std::result::Result<u16, String> {
+    match text {
+        "0" => Ok(0),
+        "180" => Ok(180),
+        _ => Err("expected 0 or 180".into()),
+    }
+}
+
 /// The lobe, as every verb takes it.
 #[derive(Debug, Clone, clap::Args)]
 pub struct LobeArgs {
-    /// Surface: W's Beckmann form, the long-tailed one, or Cook-Torrance with Fresnel and masking
+    /// Surface: W's Beckmann form, the long-tailed one, and both with Fresnel reflectance and masking
     #[arg(long, value_parser = named::<LobeKind>(), default_value_t = LobeKind::Beckmann)]
     lobe: LobeKind,
-    /// Refractive index of the surface, with --lobe cook-torrance
+    /// Refractive index of the surface, with --lobe cook-torrance or ggx-fresnel
     #[arg(long, value_name = "N", default_value_t = 1.45)]
     index: f64,
 }
@@ -60,16 +109,60 @@ impl LobeArgs {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let lobe = args.lobe.lobe()?;
     let (tally, row) = match &args.geometry {
-        Some(path) => (traces(args, common, &Geometry::read(path)?, lobe)?, "row"),
+        Some(path) => (traces(args, common, &Geometry::read(path)?, args.one_lobe()?)?, "row"),
         None => {
+            let settings = args.settings()?;
             let (table, values) = directions(args)?;
-            (samples::run(table, &args.io.rows(common.json), &values, lobe)?, "leaf")
+            (samples::run(table, &args.io.rows(common.json), &values, &settings)?, "leaf")
         }
     };
     batch::say_tally(&tally, &args.io, common, row)?;
     Ok(0)
+}
+
+impl Args {
+    /// The lobe of traces, which is one for all.
+    fn one_lobe(&self) -> Result<Lobe> {
+        let kind = match self.lobe.unwrap_or_default() {
+            Surface::Auto => return Err(Error::Usage("--lobe auto: only --samples has it".into())),
+            Surface::Usual => LobeKind::default(),
+            Surface::Of(kind) => kind,
+        };
+        match self.index {
+            Some(Index::Fit) => Err(Error::Usage("--index fit: only --samples has it".into())),
+            Some(Index::Of(index)) => Ok(Lobe::of(kind, index)),
+            None => Ok(Lobe::of(kind, INDEX)),
+        }
+    }
+
+    /// How goniometer samples are fitted.
+    fn settings(&self) -> Result<Settings> {
+        let surface = self.lobe.unwrap_or_default();
+        let without = match surface {
+            Surface::Of(kind) => (!kind.has_index() && self.index.is_some()).then_some(kind),
+            Surface::Usual => (self.index == Some(Index::Fit)).then(LobeKind::default),
+            Surface::Auto => None,
+        };
+        if let Some(lobe) = without {
+            return Err(Error::Usage(format!(
+                "--index: the {lobe} lobe has no refractive index; expected --lobe cook-torrance, ggx-fresnel or auto \
+                 with it"
+            )));
+        }
+        let index = match self.index {
+            Some(Index::Fit) => None,
+            Some(Index::Of(index)) => Some(index),
+            None => Some(INDEX),
+        };
+        Ok(Settings {
+            surface,
+            index,
+            tilts: self.tilt.unwrap_or_default(),
+            mirror_azimuth: self.mirror_azimuth,
+            percent: self.percent,
+        })
+    }
 }
 
 /// Goniometer samples from a table or from a file of a public database, and the columns that are fitted.
@@ -101,16 +194,25 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
     let spec = table::Spec {
         // An empty cell is no reading.
         optional: columns.clone(),
+        readings: columns.clone(),
         // The status of an earlier step (`eval gloss`) is replaced by that of this one.
         dropped: columns.into_iter().chain(["status".into()]).collect(),
         outputs: TexelFit::outputs(channels),
         ..table::Spec::default()
     };
-    table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+    let (name, left) = (table.name().to_path_buf(), LeftOut::default());
+    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+        row.faults().for_each(|(_, why)| left.add(row.line(), why));
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
         thread_local!(static SCRATCH: RefCell<mesophyll_fit::gloss::Workspace> = RefCell::default());
-        let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
-        out.push(fit.answer(channels));
-    })
+        let (fit, found) = SCRATCH.with_borrow_mut(|ws| {
+            let fit = fitter.fit(ws, [0.0; 2], &trace, None);
+            let found = fitter.judge(ws, &trace, &fit);
+            (fit, found)
+        });
+        out.push(fit.judged(found.as_ref(), channels));
+    })?;
+    left.say(&name);
+    Ok(tally)
 }

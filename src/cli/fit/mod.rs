@@ -1,11 +1,12 @@
 //! `mesophyll fit …`: one file a fit. The list is [`crate::models::MODELS`].
 
 use super::Common;
-use crate::Result;
 use crate::models::{Chosen, Model, Offers, Verb};
+use crate::{Error, Result};
 use mesophyll_files::progress::say;
 use mesophyll_record::FitRecord;
 use mesophyll_record::maker::Outcome;
+use mesophyll_report::{self as report, Level};
 use std::path::Path;
 
 pub mod beam;
@@ -16,6 +17,9 @@ pub mod leaf;
 pub mod motion;
 pub mod sky;
 pub mod slab;
+mod slab_pictures;
+pub mod spectra;
+mod thickness;
 pub mod tissue;
 pub mod transfer;
 pub mod translucency;
@@ -68,7 +72,28 @@ fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitReco
     if let Some(record) = ended(outcome, out) {
         // A summary may print a warning, so it is always made.
         let text = summary(&record);
-        if common.json { crate::print_json(&*record)? } else { crate::print(&text)? }
+        if common.json {
+            crate::print_json(&*record)?
+        } else {
+            crate::print(&text)?
+        }
+        return judged(out);
+    }
+    Ok(0)
+}
+
+/// Judges the fit that `out` now holds, by the rules of `mesophyll report` on what was measured. It stays written
+/// whatever they say.
+///
+/// # Errors
+/// [`Error::Missed`] with the verdict, for a fit that is not good: exit code 1.
+fn judged(out: &Path) -> Result<u8> {
+    let verdict = report::verdict(out)?;
+    if verdict.missed {
+        return Err(Error::Missed(format!("{}: {}", out.display(), verdict.sentence)));
+    }
+    if verdict.level != Level::Good {
+        say(verdict.sentence);
     }
     Ok(0)
 }

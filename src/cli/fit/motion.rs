@@ -1,38 +1,46 @@
 //! `mesophyll fit motion`: resonance, damping and gain from measured deflections over time.
 
+use crate::named::named;
 use crate::{Common, tables};
 use crate::{Error, Result};
 use mesophyll_error::Status;
 use mesophyll_files::progress::say;
 use mesophyll_files::table::{BatchIo, Sink, Table, push_number, push_text};
-use mesophyll_fit_branch::motion::{self, Known, Motion, Value};
+use mesophyll_fit_branch::motion::{self, Kind, Known, Motion, Value};
 
-/// CSV columns `time_s,u_mm` and optionally `v_mm` (deflections of a branch's tip at even times, in one direction or in
-/// two) → one row: resonance, damping and gain of an oscillator in gusts, with standard errors, by Whittle's
-/// likelihood.
+/// CSV columns `time_s,u_mm` and optionally `v_mm` (deflections of a branch's tip, read at a steady rate, in one
+/// direction or in two) → one row: resonance and damping with standard errors, of a branch in gusts (with its gain, by
+/// Whittle's likelihood) or of one that was pulled and let go (by least squares). Gaps and wild readings are left out,
+/// drift is taken out, and the row says so.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("fit motion"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
+    /// What the record shows
+    #[arg(long, value_parser = named::<Kind>(), default_value_t = Kind::Auto)]
+    kind: Kind,
+    /// How often the branch was read (Hz); the times then only say which readings are missing. Default: from the times
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
     /// Mean speed of the wind (m/s); default: it is fitted
     #[arg(long, value_name = "M_S")]
     speed: Option<f64>,
     /// Standard deviation of the wind's speed over its mean; with --speed it turns the gain into mm per m/s
     #[arg(long, value_name = "SHARE", requires = "speed")]
     turbulence: Option<f64>,
-    /// Standard error of a reading (mm)
+    /// Standard error of a reading (mm), besides its rounding
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     noise: f64,
-    /// Lowest frequency that is used (Hz); default: all but the mean
+    /// Lowest frequency that is used (Hz); default: all but the mean and drift
     #[arg(long, value_name = "HZ")]
     lowest: Option<f64>,
-    /// Highest frequency that is used (Hz); default: twice the resonance
+    /// Highest frequency that is used (Hz), above which no resonance lies; default: twice the resonance
     #[arg(long, value_name = "HZ")]
     highest: Option<f64>,
 }
 
-const COLUMNS: [&str; 19] = [
+const COLUMNS: [&str; 21] = [
     "resonance_hz",
     "damping_per_s",
     "damping_ratio",
@@ -51,6 +59,8 @@ const COLUMNS: [&str; 19] = [
     "wind_s_per_m_err",
     "deviance",
     "frequencies",
+    "kind",
+    "taken_out",
     "status",
 ];
 
@@ -66,28 +76,53 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     positive("--noise", Some(args.noise), true)?;
     positive("--lowest", args.lowest, true)?;
     positive("--highest", args.highest, false)?;
-    let record = motion::read::read(Table::open(&args.io.input)?)?;
-    let known =
-        Known { speed: args.speed, turbulence: args.turbulence, noise: args.noise, band: [args.lowest, args.highest] };
+    positive("--rate", args.rate, false)?;
+    let reading = motion::read::read(Table::open(&args.io.input)?, args.rate)?;
+    let record = reading.record;
+    let known = Known {
+        kind: args.kind,
+        speed: args.speed,
+        turbulence: args.turbulence,
+        noise: args.noise,
+        band: [args.lowest, args.highest],
+    };
     let found = motion::fit(&record, &known);
     let mut sink = Sink::open(&args.io.rows(common.json), &args.io.input)?;
     sink.write_all(format!("{}\n", COLUMNS.join(",")).as_bytes())?;
-    let (cells, status) = match &found {
-        Ok(motion) => (cells(motion, &known), motion.status.clone()),
-        Err(why) => (vec![f64::NAN; COLUMNS.len() - 1], Status::Refused(why.clone())),
+    let (cells, kind, mut taken_out, status) = match &found {
+        Ok(motion) => (cells(motion, &known), motion.kind.to_string(), motion.taken_out.clone(), motion.status.clone()),
+        Err(why) => (vec![f64::NAN; COLUMNS.len() - 3], String::new(), Vec::new(), Status::Refused(why.clone())),
     };
+    taken_out.splice(0..0, reading.notes);
     let mut line = Vec::new();
     for cell in cells {
         push_number(&mut line, cell);
+        line.push(b',');
+    }
+    for text in [kind, taken_out.join("; ")] {
+        push_text(&mut line, &text);
         line.push(b',');
     }
     push_text(&mut line, &status.to_string());
     line.push(b'\n');
     sink.write_all(&line)?;
     sink.finish()?;
-    let readings = record.channels.first().map_or(0, Vec::len);
-    say(format!("{readings} readings, {} s apart: {status}", record.step));
+    let readings = record.lines.iter().filter(|l| **l > 0).count();
+    let taken = found.as_ref().map_or(String::new(), |m| format!(", taken for {}", said(m)));
+    say(format!("{readings} readings, {} s apart{taken}: {status}", record.step));
+    if !taken_out.is_empty() {
+        say(format!("taken out: {}", taken_out.join("; ")));
+    }
     Ok(0)
+}
+
+/// What a motion was taken for, and why.
+fn said(motion: &Motion) -> String {
+    let kind = match motion.kind {
+        Kind::FreeDecay => "a free decay",
+        _ => "a motion in gusts",
+    };
+    format!("{kind} ({})", motion.why)
 }
 
 fn cells(m: &Motion, known: &Known) -> Vec<f64> {

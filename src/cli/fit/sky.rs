@@ -124,7 +124,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "ms": 1e3 * fitted.seconds(),
         }))?;
     }
-    Ok(0)
+    super::judged(&args.output)
 }
 
 fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
@@ -171,5 +171,5 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
             "status": found.status.to_string(),
         }))?;
     }
-    Ok(0)
+    super::judged(&args.output)
 }

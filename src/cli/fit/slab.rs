@@ -1,17 +1,19 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
-use super::foliar::{Column, column};
+use super::slab_pictures;
+use super::spectra::{self, LEAF, Shares};
+use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::progress;
-use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
+use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Status, Table, counted};
 use mesophyll_files::unit::Unit;
-use mesophyll_fit::slab::{self, Measured, Options};
-use mesophyll_optics::slab::inverse::Precision;
-use mesophyll_report::spectrum::{self, Line, Panel};
-use std::collections::HashMap;
+use mesophyll_files::{atomic, progress};
+use mesophyll_fit::slab::{self, Known, Measured, Options, Specular};
+use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
+use mesophyll_optics::slab::inverse::{Coefficient, MORE_THAN_ALL, Model, Precision};
+use mesophyll_report::spectrum;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -25,6 +27,12 @@ use std::sync::{Mutex, PoisonError};
 /// `--noise 0` says that the input is exact. Where no noise is stated the error cells are empty, and `ok` says only
 /// that the slab could be inverted. Where noise leaves a parameter open, the status names it, with a bound at two
 /// standard errors where one side is closed.
+///
+/// The slab scatters isotropically, so sigma_s is the reduced coefficient σs(1−g) of tissue that scatters forward. It is
+/// taken at the index of its surroundings, so that its faces reflect nothing, unless `--index N` states its own.
+///
+/// One of rho_d and rho_t is enough where the other coefficient is known: a column `known_sigma_a` or `known_sigma_s`
+/// (1/mm, with `known_sigma_a_err` or `known_sigma_s_err`).
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("fit slab"))]
 pub struct Args {
@@ -47,6 +55,21 @@ pub struct Args {
     /// some 0.03 to 0.05 where the instrument kept the mirror reflection
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
+    /// Reflectances and transmittances, and their errors, are in per cent; --noise stays a share of 1
+    #[arg(long)]
+    percent: bool,
+    /// Refractive index of the slab, 1 to 3: its faces reflect light from outside and from inside, beyond the critical
+    /// angle all of it, as inverse adding-doubling reckons it (1: the index of the surroundings, nothing is reflected)
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    index: f64,
+    /// With --index: whether rho_d has the mirror reflection of the faces. included: all that is reflected, as in an
+    /// integrating sphere with its port closed; excluded: the mirror reflection left through an open port
+    #[arg(long, value_parser = named::<Specular>(), default_value_t = Specular::Included)]
+    specular: Specular,
+    /// Take thicknesses that no leaf has (below 0.01 mm or above 10 mm) and coefficients above 1000/mm for right: the
+    /// slab is something else
+    #[arg(long)]
+    any_thickness: bool,
     /// Draw σa and σs over wavelength into this folder, a picture a leaf; the table needs a column `leaf` (or
     /// `leaf_id`) and wavelengths
     #[arg(long, value_name = "DIR")]
@@ -56,52 +79,32 @@ pub struct Args {
 /// Units of thicknesses.
 const UNITS: [&str; 3] = ["um", "mm", "m"];
 
-/// Names of the column with the leaf's name; the first one that exists is used.
-const LEAF: [&str; 2] = ["leaf", "leaf_id"];
 const WAVELENGTH: &str = "wavelength_nm";
 
-/// One picture for each leaf, in order of first appearance. The rows may be in any order; each has its number, leaf,
-/// wavelength and answer.
-fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Panel>)> {
-    rows.sort_by_key(|r| r.0);
-    let mut leaves: Vec<(String, Vec<(f64, Vec<f64>)>)> = Vec::new();
-    let mut places = HashMap::new();
-    for (_, leaf, wavelength, values) in rows {
-        let place = *places.entry(leaf.clone()).or_insert_with(|| {
-            leaves.push((leaf, Vec::new()));
-            leaves.len() - 1
-        });
-        leaves[place].1.push((wavelength, values));
-    }
-    let panels = |(leaf, mut points): (String, Vec<(f64, Vec<f64>)>)| {
-        points.retain(|p| p.0.is_finite());
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let panel = |k: usize, name: &str, word: &str| Panel {
-            title: format!("{leaf}: {word}"),
-            across: spectrum::WAVELENGTH.into(),
-            axis: format!("{name} (1/mm)"),
-            logarithmic: true,
-            lines: vec![Line {
-                name: name.into(),
-                points: points.iter().map(|(w, v)| [*w, v[k], v[k + 2]]).collect(),
-                dots: false,
-            }],
-        };
-        let both = vec![panel(0, "σa", "absorption"), panel(1, "σs", "scattering")];
-        (leaf, both)
-    };
-    leaves.into_iter().map(panels).collect()
-}
-
-const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
+const INPUTS: [&str; 9] = [
+    "rho_d",
+    "rho_t",
+    "h",
+    "rho_d_err",
+    "rho_t_err",
+    "known_sigma_a",
+    "known_sigma_s",
+    "known_sigma_a_err",
+    "known_sigma_s_err",
+];
 
 /// Other names in tables of spectra: where a table has no column of the first name, the next one is looked for.
-const ALSO: [&[&str]; 5] =
-    [&["R"], &["T"], &["thickness_mm", "thickness_um", "thickness_m", "thickness"], &["R_err"], &["T_err"]];
-
-/// Range of a leaf's thickness (mm), with a margin at both ends. The same thicknesses in µm are numbers above this
-/// range, and in m numbers below it. So a column that names no unit shows by its numbers whether it can be in mm.
-const LEAVES_MM: [f64; 2] = [0.01, 10.0];
+const ALSO: [&[&str]; 9] = [
+    &["R"],
+    &["T"],
+    &["thickness_mm", "thickness_um", "thickness_m", "thickness"],
+    &["R_err"],
+    &["T_err"],
+    &[],
+    &[],
+    &[],
+    &[],
+];
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
@@ -110,22 +113,66 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !(0.0..1.0).contains(&args.surface) {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
-    let table = Table::open(&args.io.input)?;
-    let names = column_names(&args.columns, &table)?;
+    if !INDEX.contains(&args.index) {
+        return Err(Error::argument("--index", args.index, INDEX_EXPECTED));
+    }
+    if args.index != 1.0 && args.surface != 0.0 {
+        return Err(Error::Usage(
+            "--surface and --index both account for what the surface reflects; expected one of them".into(),
+        ));
+    }
+    if args.index == 1.0 && args.specular == Specular::Excluded {
+        return Err(Error::Usage("--specular excluded needs --index: at index 1 the faces reflect nothing".into()));
+    }
+    let table = spectra::open(&args.io.input)?;
+    if let Some(stated) = table.stated() {
+        stated.check_index(table.name(), 1.0)?;
+    }
+    let mut names = column_names(&args.columns, &table)?;
+    spectra::find(&table, &INPUTS, &mut names)?;
     let wide = if table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
-        wavelengths(&table)
+        wavelengths(&table)?
     } else {
         Vec::new()
     };
+    let shares_are_there = !wide.is_empty() || table.column(&names[0]).is_some();
+    if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+        let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
+        return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
+    }
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
+    let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
     let mut spec = Spec {
         texts: vec![leaf.into()],
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
         ..Spec::default()
     };
+    let some_known = names[5..7].iter().any(|name| table.column(name).is_some());
+    if some_known && !wide.is_empty() {
+        return Err(Error::Usage(format!(
+            "{} is a number for one wavelength; expected a table with a row for each wavelength",
+            names[5..7].iter().find(|name| table.column(name).is_some()).map_or("", |name| name)
+        )));
+    }
     if wide.is_empty() {
-        spec.required = names[..3].to_vec();
-        spec.optional = names[3..].iter().cloned().chain(args.plots.iter().map(|_| WAVELENGTH.into())).collect();
+        // With one coefficient known, one of rho_d and rho_t is enough, in the whole table or in a row.
+        if some_known && names[..2].iter().all(|name| table.column(name).is_none()) {
+            table.require(&names[0])?;
+        }
+        for (value, error) in [(5, 7), (6, 8)] {
+            if table.column(&names[error]).is_some() {
+                table.require(&names[value])?;
+            }
+        }
+        let (needed, rest) = if some_known { ([2, 0, 1], 1) } else { ([0, 1, 2], 3) };
+        spec.required = needed[..rest].iter().map(|&k| names[k].clone()).collect();
+        spec.optional = needed[rest..]
+            .iter()
+            .map(|&k| &names[k])
+            .chain(&names[3..])
+            .cloned()
+            .chain(args.plots.iter().map(|_| wavelength.clone()))
+            .collect();
         for (name, column) in INPUTS.iter().zip(&names).skip(3) {
             if name != column {
                 table.require(column)?;
@@ -135,36 +182,65 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         spec.required = vec![names[2].clone()];
         spec.optional = wide.iter().flat_map(|(_, columns)| columns.clone()).collect();
         spec.dropped = spec.optional.clone();
+        spec.readings = spec.optional.clone();
         spec.outputs.insert(0, WAVELENGTH.into());
         spec.whole.push(WAVELENGTH.into());
     }
-    if args.plots.is_some() {
+    let of_wide = |range: std::ops::Range<usize>| wide.iter().flat_map(move |(_, c)| c[range.clone()].to_vec());
+    let readings: Vec<String> = names[..2].iter().cloned().chain(of_wide(0..2)).collect();
+    let errors = names[3..5].iter().cloned().chain(of_wide(2..4));
+    spec.physical = vec![
+        Physical::shares(readings.clone()),
+        Physical::not_negative(errors.chain([names[2].clone(), wavelength.clone()]).collect()),
+    ];
+    let shares = Shares::of(&table, &readings, args.percent)?;
+    if let Some(folder) = &args.plots {
         table.require(leaf)?;
         if wide.is_empty() {
-            table.require(WAVELENGTH)?;
+            table.require(&wavelength)?;
         }
+        atomic::probe_folder(folder)?;
     }
     let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
-    let options = Options { precision: args.method, noise: args.noise, surface: args.surface };
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
     let scale = unit.unwrap_or(Unit::Millimetre).mm();
+    // A column `h` is a plain number in mm, of any slab; a column that names its unit is a leaf's.
+    let leaf_like = !args.any_thickness && !(column == "h" && args.thickness_unit.is_none());
     // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
     let some_have_errors = if wide.is_empty() {
-        names[3..].iter().any(|name| table.column(name).is_some())
+        names[3..5].iter().any(|name| table.column(name).is_some())
     } else {
         wide.iter().any(|(_, columns)| columns[2..].iter().any(|name| table.column(name).is_some()))
     };
-    let without_errors = AtomicUsize::new(0);
-    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
-        let thickness = row.get(if wide.is_empty() { 2 } else { 0 });
+    let (without_errors, more_than_all) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
+    say_assumptions(args);
+    let reflecting = (args.index != 1.0).then(|| Model::of_index(args.index));
+    let model = reflecting.as_ref().unwrap_or(Model::matched());
+    let options =
+        Options { precision: args.method, noise: args.noise, surface: args.surface, model, specular: args.specular };
+    let tally = batch.run(|row, out| {
+        // Where the columns of INPUTS are among the row's.
+        let place = |k: usize| if some_known && k < 3 { [1, 2, 0][k] } else { k };
+        let thickness = row.get(if wide.is_empty() { place(2) } else { 0 });
         if unit.is_none() && thickness > 0.0 && !(LEAVES_MM[0]..=LEAVES_MM[1]).contains(&thickness) {
             out.push(Answer::refused(not_in_mm(&column, thickness)));
             return;
         }
-        let fitted = |wavelength: f64, [rho_d, rho_t, rho_d_err, rho_t_err]: [f64; 4]| {
-            let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err };
-            let answer = slab::answer(&options, &m);
+        let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String], known: Option<Known>| {
+            if let Some(why) = shares.refuse_each(columns.iter().map(String::as_str).zip(cells).take(2)) {
+                return Answer::refused(why);
+            }
+            let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);
+            let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err, known };
+            let mut answer = slab::answer(&options, &m);
+            if matches!(&answer.status, Status::Refused(why) if why.starts_with(MORE_THAN_ALL)) {
+                more_than_all.fetch_add(1, Ordering::Relaxed);
+            }
+            if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
+                answer.status = doubted(answer.status, &why);
+            }
             if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
                 without_errors.fetch_add(1, Ordering::Relaxed);
             }
@@ -176,14 +252,32 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             answer
         };
         if wide.is_empty() {
-            let wavelength = if args.plots.is_some() { row.get(5) } else { f64::NAN };
-            out.push(fitted(wavelength, [0, 1, 3, 4].map(|k| row.get(k))));
+            let wavelength =
+                if args.plots.is_some() { spectra::in_nm(row.get(INPUTS.len()), unit_nm) } else { f64::NAN };
+            let of = |coefficient: Coefficient, k: usize| Known { coefficient, sigma: row.get(k), err: row.get(k + 2) };
+            let given = [of(Coefficient::Absorption, 5), of(Coefficient::Scattering, 6)];
+            out.push(match given.map(|g| !g.sigma.is_nan()) {
+                [true, true] => Answer::refused(format!("{} and {} are both given; expected one", names[5], names[6])),
+                [a, s] => {
+                    let known = if a { Some(given[0]) } else { s.then_some(given[1]) };
+                    let cells = [0, 1, 3, 4].map(|k| row.get(place(k)));
+                    match cells[..2].iter().position(|v| v.is_nan()).filter(|_| some_known && known.is_none()) {
+                        Some(empty) => Answer::refused(format!(
+                            "{} is empty; one of rho_d and rho_t is enough only beside a known sigma",
+                            names[empty]
+                        )),
+                        None => fitted(wavelength, cells, &names, known),
+                    }
+                }
+            });
         }
         for (k, (wavelength, columns)) in wide.iter().enumerate() {
             let cells: [f64; 4] = std::array::from_fn(|c| row.get(1 + 4 * k + c));
-            let Answer { mut values, status } = match cells[..2].iter().position(|v| v.is_nan()) {
-                Some(empty) => Answer::refused(format!("{} is empty", columns[empty])),
-                None => fitted(*wavelength, cells),
+            let bad = row.faults().find(|(place, _)| (1 + 4 * k..5 + 4 * k).contains(place));
+            let Answer { mut values, status } = match (bad, cells[..2].iter().position(|v| v.is_nan())) {
+                (Some((_, why)), _) => Answer::refused(why),
+                (None, Some(empty)) => Answer::refused(format!("{} is empty", columns[empty])),
+                (None, None) => fitted(*wavelength, cells, columns, None),
             };
             // A row without numbers still says which leaf and wavelength it belongs to.
             values.resize(slab::OUTPUTS.len(), f64::NAN);
@@ -192,8 +286,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
+    if let rows @ 1.. = more_than_all.into_inner() {
+        progress::say(format!(
+            "{} reflect and transmit more than all light: is the white reference less bright than it was taken for, or \
+             were R and T measured at different places?",
+            counted(rows, "row")
+        ));
+    }
     if let Some(folder) = &args.plots {
-        let leaves = spectra(found.into_inner().unwrap_or_else(PoisonError::into_inner));
+        let leaves = slab_pictures::panels(found.into_inner().unwrap_or_else(PoisonError::into_inner));
         let files = spectrum::pictures(folder, &leaves)?;
         progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
     }
@@ -213,56 +314,49 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// Why a thickness without a unit is not taken for mm, and how to make it readable.
-fn not_in_mm(column: &str, thickness: f64) -> String {
-    let [low, high] = LEAVES_MM;
-    let hint = if (1e3 * low..=1e3 * high).contains(&thickness) {
-        "; in um such numbers are usual: add --thickness-unit um"
-    } else if (1e-3 * low..=1e-3 * high).contains(&thickness) {
-        "; in m such numbers are usual: add --thickness-unit m"
+/// Says what the table cannot show and the fit takes for granted.
+fn say_assumptions(args: &Args) {
+    let faces = if args.index == 1.0 {
+        "the slab is taken at the index of its surroundings (1), so that its faces reflect nothing; --index N states \
+         another"
+            .to_string()
     } else {
-        "; add --thickness-unit"
+        let specular = match args.specular {
+            Specular::Included => "with",
+            Specular::Excluded => "without",
+        };
+        format!(
+            "the slab is taken at the index {} in air, and rho_d {specular} the mirror reflection of its faces",
+            args.index
+        )
     };
-    format!(
-        "{column} is {thickness} and names no unit; in mm this is outside the usual range of leaves, {low} to \
-         {high}{hint} (or mm if the number is right)"
-    )
-}
-
-/// The unit that is asked for, or that the column's name ends in; `None` where neither states one (a column `h` is in
-/// mm). A name that states another unit than the one asked for, or an unknown one, is an error: micrometres read as
-/// millimetres would look like an answer.
-fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
-    let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
-    let named = suffix.parse::<Unit>().ok();
-    // Nobody measures leaves in these: such a name is more likely a mistake than a unit.
-    if ["cm", "dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
-        return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
-    }
-    match (named, asked) {
-        (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
-            "--thickness-unit contradicts the unit in the name of the thickness column, {column:?}"
-        ))),
-        (None, None) if column == "h" => Ok(Some(Unit::Millimetre)),
-        (named, asked) => Ok(asked.or(named)),
-    }
+    progress::say(format!("{faces}; scattering is taken as isotropic: sigma_s is the reduced one, σs(1−g)"));
 }
 
 /// The wavelengths of a table in wide form, ascending: those with a reflectance (`R550`) and a transmittance (`T550`),
 /// with the columns of both and of their errors.
-fn wavelengths(table: &Table) -> Vec<(f64, [String; 4])> {
-    let columns: Vec<Column> = table.header.iter().filter_map(|name| column(name)).filter(|c| !c.abaxial).collect();
-    let mut found: Vec<(f64, [String; 4])> = columns
+fn wavelengths(table: &Table) -> Result<Vec<(f64, [String; 4])>> {
+    let found = spectra::wide(table);
+    let columns: Vec<_> = found.readings.iter().filter(|c| !c.is_abaxial()).collect();
+    let mut pairs: Vec<(f64, [String; 4])> = columns
         .iter()
         .filter(|r| !r.through)
         .filter_map(|r| {
             let t = columns.iter().find(|t| t.through && t.wavelength == r.wavelength)?;
-            let error = |name: &str| format!("{name}_err");
-            Some((r.wavelength, [r.name.clone(), t.name.clone(), error(&r.name), error(&t.name)]))
+            Some((r.wavelength, [r.name.clone(), t.name.clone(), r.error.clone(), t.error.clone()]))
         })
         .collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let one = columns.first().filter(|_| pairs.is_empty()).map(|c| if c.through { "T" } else { "R" });
+    if let Some(one) = one {
+        let what =
+            format!("its columns hold {one} alone; expected R and T at the same wavelengths, such as R450 and T450");
+        return Err(Error::input(table.name(), what));
+    }
+    if pairs.is_empty() && spectra::has_others(&found) {
+        return Err(spectra::nothing(table, &found, "fit slab takes columns R450, T450 and so on, or R and T"));
+    }
+    Ok(pairs)
 }
 
 /// The input's column for each of [`INPUTS`].

@@ -90,7 +90,9 @@ fn options(args: &Args) -> Result<Options> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let outcome = fit(&args.input, &args.blade, &args.output, &options(args)?)?;
+    let options = options(args)?;
+    crate::ready::warn(&args.blade);
+    let outcome = fit(&args.input, &args.blade, &args.output, &options)?;
     super::told(outcome, &args.output, common, summary)
 }
 

@@ -39,6 +39,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
     let placed = Placed::new(&manifest, search, &ledger)?;
     let scene = Scene::new(manifest, placed, &ledger)?;
+    scene.require_sound_fits(&ledger)?;
     let outcome = transfer::make(&scene, &args.output, args.force, &ledger)?;
     super::told(outcome, &args.output, common, summary)
 }

@@ -184,7 +184,9 @@ fn leaf(args: &Args) -> Result<PathBuf> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let outcome = fit(&leaf(args)?, &args.output, &options(args)?)?;
+    let (options, leaf) = (options(args)?, leaf(args)?);
+    crate::ready::warn(&leaf);
+    let outcome = fit(&leaf, &args.output, &options)?;
     super::told(outcome, &args.output, common, |record| {
         if let Some(why) = record.options.get("doubt") {
             say(format!("warning: {why}; do not rely on the maps"));

@@ -1,7 +1,8 @@
-//! `mesophyll inspect CAPTURE`.
+//! `mesophyll inspect CAPTURE|FILE`.
 
 mod beams;
 mod dome;
+mod file;
 mod photo;
 
 use super::Common;
@@ -11,15 +12,20 @@ use mesophyll_capture::kind::Kind;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Looks a capture over before anyone waits for a fit: every file, every header, a sample of the frames.
+/// Looks a capture over before anyone waits for a fit: every file, every header, a sample of the frames. Of a single
+/// file it says what it is, what it holds and which command takes it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll inspect scans/elm-01          can this be fitted, and what follows from what is absent?
   mesophyll inspect scans/elm-01 --deep   read every sample of every frame
-The exit code is 2 when the capture cannot be fitted; every problem is listed.")]
+  mesophyll inspect leaf.sig              which instrument's form is it, what does it hold, which fit takes it?
+Files of instruments: SVC and GER .sig, Spectral Evolution .sed, ASD .asd and its text, CI-710s, iad .rxt, LI-COR text,
+.xlsx (docs/tables.md says what is read of them). With --json the answer for a file has the keys form, holds, unit,
+wavelength_nm, wavelengths, spectra, command, reason, notes.
+The exit code is 2 when the capture cannot be fitted (every problem is listed), and for a damaged or unknown file.")]
 pub struct Args {
-    /// The capture's folder (holds capture.toml)
-    #[arg(value_name = "CAPTURE")]
+    /// The capture's folder (holds capture.toml), or a file
+    #[arg(value_name = "CAPTURE|FILE")]
     capture: PathBuf,
     /// Read every sample of every frame, not only headers, last rows and a few frames
     #[arg(long)]
@@ -27,6 +33,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    if args.capture.is_file() {
+        return file::run(&args.capture, common);
+    }
     // What cannot be read at all is reported by the look at a scan.
     match Kind::of(&args.capture).ok().flatten() {
         Some(Kind::Dome) => return dome::run(args, common),

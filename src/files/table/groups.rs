@@ -1,32 +1,42 @@
 //! Tables in which several rows belong together: a leaf has one row for each wavelength or direction, and its answer is
-//! one row.
+//! one row. A row that cannot be read costs itself and not its group.
 
-use super::{Answer, Output, Plan, Record, Sink, Spec, Table, Tally, push_cells, push_text, whole};
-use crate::progress::Bar;
+use super::cell::Possible;
+use super::left::{LeftOut, listed};
+use super::plan::{Stated, say_repeated};
+use super::possible::repeated;
+use super::{Answer, Output, Plan, Record, Sink, Spec, Status, Table, Tally, counted, push_cells, push_text, whole};
+use crate::progress::{self, Bar};
 use crate::{Error, Result};
 use rayon::prelude::*;
-use std::collections::HashMap;
-use std::path::PathBuf;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
 
 /// One row of a group.
 #[derive(Debug, Clone)]
 pub struct GroupRow {
-    /// Required columns first, then optional ones; NaN where an optional column or cell is absent.
+    /// Required columns first, then optional ones; NaN where an optional column or cell is absent, and for a reading
+    /// that was left out.
     pub values: Vec<f64>,
     /// Columns of words; `None` where there is no such column.
     pub texts: Vec<Option<String>>,
-    /// Line of the file, the header's is 1.
+    /// Line of the file where the row begins; the first line is 1.
     pub line: usize,
 }
 
-/// Rows of one group, or why the group is refused: its first bad row, named by its line.
-type Rows = std::result::Result<Vec<GroupRow>, String>;
+/// The rows of one name that can be read, and what was left out.
+struct Group {
+    name: String,
+    rows: Vec<GroupRow>,
+    left: LeftOut,
+}
 
 /// All rows of a table by the word in one of its columns, in order of first appearance.
 pub struct Groups {
     by: String,
+    name: PathBuf,
     source: PathBuf,
-    groups: Vec<(String, Rows)>,
+    groups: Vec<Group>,
 }
 
 impl Groups {
@@ -34,58 +44,96 @@ impl Groups {
     /// carried through.
     ///
     /// # Errors
-    /// A missing column, an unreadable input. A bad row is no error: it refuses its group.
-    pub fn read(mut table: Table, spec: &Spec, by: &str) -> Result<Groups> {
+    /// A missing column, an unreadable input. A bad row is no error: it is left out.
+    pub fn read(table: Table, spec: &Spec, by: &str) -> Result<Groups> {
         let at = table.require(by)?;
+        Groups::of(table, spec, by, |record| record.shown(at).into_owned())
+    }
+
+    /// All rows of `table` as one group, for a table without a column `by`.
+    ///
+    /// # Errors
+    /// As [`Groups::read`].
+    pub fn one(table: Table, spec: &Spec, by: &str, name: &str) -> Result<Groups> {
+        Groups::of(table, spec, by, |_| name.to_string())
+    }
+
+    fn of(mut table: Table, spec: &Spec, by: &str, name_of: impl Fn(&Record) -> String) -> Result<Groups> {
+        // A repeated impossible value is looked for in all rows below.
         let everything = table.header.clone();
-        let plan = Plan::new(&table, &Spec { dropped: everything, ..spec.clone() })?;
-        let mut groups: Vec<(String, Rows)> = Vec::new();
+        let mut plan = Plan::new(&table, &Spec { dropped: everything, physical: Vec::new(), ..spec.clone() })?;
+        spec.physical.iter().for_each(|of| plan.bound(&of.columns, Possible::within(of.range)));
+        let mut groups: Vec<Group> = Vec::new();
         let mut places: HashMap<String, usize> = HashMap::new();
-        let (mut record, mut line) = (Record::default(), 1);
+        let (mut record, mut stated) = (Record::default(), Stated::default());
+        let (mut values, mut faults) = (Vec::new(), Vec::new());
         while table.next_record(&mut record)? {
-            line += 1;
-            let name = &*record.shown(at);
-            let place = match places.get(name) {
-                Some(place) => *place,
-                None => {
-                    places.insert(name.to_string(), groups.len());
-                    groups.push((name.to_string(), Ok(Vec::new())));
-                    groups.len() - 1
+            let name = name_of(&record);
+            let place = *places.entry(name.clone()).or_insert_with(|| {
+                groups.push(Group { name, rows: Vec::new(), left: LeftOut::default() });
+                groups.len() - 1
+            });
+            let Group { rows, left, .. } = &mut groups[place];
+            match plan.numbers(&record, spec, &mut values, &mut faults, &mut stated) {
+                Ok(()) => {
+                    let texts = plan.words(&record).map(|t| t.map(str::to_string)).collect();
+                    rows.push(GroupRow { values: values.clone(), texts, line: record.line() });
+                    faults.drain(..).for_each(|(_, why)| left.add(record.line(), why));
                 }
-            };
-            let list = &mut groups[place].1;
-            match (plan.parsed(&record, spec), &mut *list) {
-                (Ok((values, texts)), Ok(rows)) => {
-                    let texts = texts.into_iter().map(|t| t.map(str::to_string)).collect();
-                    rows.push(GroupRow { values, texts, line });
-                }
-                (Err(why), Ok(_)) => *list = Err(format!("line {line}: {why}")),
-                _ => {}
+                Err(why) => left.add(record.line(), why),
             }
         }
-        Ok(Groups { by: by.to_string(), source: table.source().to_path_buf(), groups })
+        stated.say(&table);
+        leave_out_repeated(&table, spec, &mut groups);
+        let (name, source) = (table.name().to_path_buf(), table.source().to_path_buf());
+        Ok(Groups { by: by.to_string(), name, source, groups })
     }
 
     /// Names of all groups, in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.groups.iter().map(|(name, _)| name.as_str())
+        self.groups.iter().map(|group| group.name.as_str())
     }
 
     /// All readable rows.
     pub fn rows(&self) -> impl Iterator<Item = &GroupRow> {
-        self.groups.iter().filter_map(|(_, rows)| rows.as_ref().ok()).flatten()
+        self.groups.iter().flat_map(|group| &group.rows)
     }
 
-    /// Answers each group by `f`, which gets the group's name and rows, and writes one row for each group: the name,
-    /// the outputs of `spec`, and the status.
+    /// The file, for messages.
+    pub fn name(&self) -> &Path {
+        &self.name
+    }
+
+    /// Opens the output before anything is computed, for [`Groups::run_into`].
+    ///
+    /// # Errors
+    /// An unwritable output.
+    pub fn open(&self, output: &Output) -> Result<Sink> {
+        Sink::open(output, &self.source)
+    }
+
+    /// Answers each group by `f`, which gets the group's name, its readable rows, and what was left out so far, to
+    /// which it may add. Writes one row for each group: the name, the outputs of `spec`, and the status. What was left
+    /// out is said on standard error, and in the status of a group that is refused. A group without a readable row is
+    /// refused without `f`.
     ///
     /// # Errors
     /// An unwritable output, and a stop.
     pub fn run<F>(&self, output: &Output, spec: &Spec, f: F) -> Result<Tally>
     where
-        F: Fn(&str, &[GroupRow]) -> Answer + Sync,
+        F: Fn(&str, &[GroupRow], &LeftOut) -> Answer + Sync,
     {
-        let mut sink = Sink::open(output, &self.source)?;
+        self.run_into(self.open(output)?, spec, f)
+    }
+
+    /// As [`Groups::run`], with the output that [`Groups::open`] opened.
+    ///
+    /// # Errors
+    /// As [`Groups::run`].
+    pub fn run_into<F>(&self, mut sink: Sink, spec: &Spec, f: F) -> Result<Tally>
+    where
+        F: Fn(&str, &[GroupRow], &LeftOut) -> Answer + Sync,
+    {
         let (mut bytes, whole) = (Vec::new(), whole(spec));
         push_text(&mut bytes, &self.by);
         for name in spec.outputs.iter().map(String::as_str).chain(["status"]) {
@@ -95,49 +143,134 @@ impl Groups {
         bytes.push(b'\n');
         let mut tally = Tally::new(&spec.outputs);
         let bar = Bar::of("rows");
-        let answer = |(name, rows): &(String, Rows)| {
-            let answer = match rows {
-                Err(why) => Answer::refused(why.clone()),
-                Ok(_) if crate::progress::stop_requested() => Answer::refused("interrupted"),
-                Ok(rows) => f(name, rows),
+        let answer = |group: &Group| {
+            let answer = match &group.rows[..] {
+                _ if progress::stop_requested() => Answer::refused("interrupted"),
+                [] => Answer::refused(group.left.words()),
+                rows => group.blamed(f(&group.name, rows, &group.left)),
             };
             bar.advance(1);
             answer
         };
         let answers: Vec<Answer> = self.groups.par_iter().map(answer).collect();
-        if crate::progress::stop_requested() {
+        if progress::stop_requested() {
             return Err(Error::Interrupted("interrupted; no output file was written".into()));
         }
-        for ((name, _), answer) in self.groups.iter().zip(&answers) {
+        for (group, answer) in self.groups.iter().zip(&answers) {
             tally.count(&answer.status, &answer.values);
-            push_text(&mut bytes, name);
+            push_text(&mut bytes, &group.name);
             bytes.push(b',');
             push_cells(&mut bytes, answer, &whole);
         }
         sink.write_all(&bytes)?;
         sink.finish()?;
+        self.say_left_out();
         Ok(tally)
+    }
+
+    fn say_left_out(&self) {
+        let left = self.groups.iter().filter(|group| group.left.count() > 0 && !group.rows.is_empty());
+        let each: Vec<String> = left.clone().map(|group| format!("{}: {}", group.name, group.left.words())).collect();
+        let count: usize = left.map(|group| group.left.count()).sum();
+        if count > 0 {
+            let (name, readings) = (self.name.display(), counted(count, "reading"));
+            progress::say(format!("{name}: {readings} left out of {}: {}", self.by, listed(each.into_iter())));
+        }
+    }
+}
+
+impl Group {
+    /// A refused answer that also names what was left out.
+    fn blamed(&self, answer: Answer) -> Answer {
+        match answer {
+            Answer { values, status: Status::Refused(why) } if self.left.count() > 0 => {
+                let why = format!("{why} (left out: {})", self.left.words());
+                Answer { values, status: Status::Refused(why) }
+            }
+            answer => answer,
+        }
+    }
+}
+
+/// Leaves out the one impossible value that columns of a quantity repeat; see [`Spec::physical`].
+fn leave_out_repeated(table: &Table, spec: &Spec, groups: &mut [Group]) {
+    let names: Vec<&String> = spec.required.iter().chain(&spec.optional).collect();
+    for physical in &spec.physical {
+        let columns: HashSet<&String> = physical.columns.iter().collect();
+        let places: Vec<usize> = (0..names.len()).filter(|&k| columns.contains(names[k])).collect();
+        let rows = groups.iter().flat_map(|group| &group.rows);
+        let Some(mark) = repeated(physical.range, rows.flat_map(|row| places.iter().map(|&k| row.values[k]))) else {
+            continue;
+        };
+        say_repeated(table, Some(mark), &physical.columns);
+        for Group { rows, left, .. } in groups.iter_mut() {
+            rows.retain_mut(|row| {
+                let needed = places.iter().find(|&&k| k < spec.required.len() && row.values[k] == mark);
+                if let Some(&k) = needed {
+                    left.add(row.line, format!("{} is missing ({mark})", names[k]));
+                }
+                for &k in places.iter().filter(|&&k| k >= spec.required.len()) {
+                    let value = &mut row.values[k];
+                    *value = if *value == mark { f64::NAN } else { *value };
+                }
+                needed.is_none()
+            });
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::Physical;
 
-    #[test]
-    fn rows_of_one_name_are_answered_together_and_a_bad_one_refuses_its_group() {
-        let text = "leaf,x,note\nelm,1,a\nash,2,b\nelm,4,c\noak,x,d\n\"a,b\",8,\n";
+    fn answered(text: &'static str, spec: &Spec) -> (String, Tally) {
         let table = Table::from_reader(Box::new(text.as_bytes()), "in.csv".into()).unwrap();
-        let spec = Spec { required: vec!["x".into()], outputs: vec!["sum".into()], ..Spec::default() };
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
-        let groups = Groups::read(table, &spec, "leaf").unwrap();
-        assert_eq!(groups.rows().count(), 4);
-        let sum = |_: &str, rows: &[GroupRow]| Answer::ok(vec![rows.iter().map(|r| r.values[0]).sum()]);
-        let tally = groups.run(&Output::csv(&out), &spec, sum).unwrap();
-        assert_eq!((tally.rows, tally.ok, tally.refused), (4, 3, 1));
+        let sum = |_: &str, rows: &[GroupRow], left: &LeftOut| {
+            let used = rows.iter().filter(|r| {
+                let small = r.values[0] < 90.0;
+                if !small {
+                    left.add(r.line, format!("x is {}; expected below 90", r.values[0]));
+                }
+                small
+            });
+            match used.map(|r| r.values[0]).reduce(|a, b| a + b) {
+                Some(sum) => Answer::ok(vec![sum]),
+                None => Answer::refused("0 readings; expected at least 1"),
+            }
+        };
+        let tally = Groups::read(table, spec, "leaf").unwrap().run(&Output::csv(&out), spec, sum).unwrap();
+        (std::fs::read_to_string(out).unwrap(), tally)
+    }
+
+    #[test]
+    fn rows_of_one_name_are_answered_together_and_a_bad_one_costs_itself() {
+        let text = "# made by\nleaf,x,note\nelm,1,a\nash,2,b\n\nelm,4,c\noak,x,d\n\"a,b\",8,\nelm,NA,\nash,y,\nelm,90,\nfir,91,\n";
+        let spec = Spec { required: vec!["x".into()], outputs: vec!["sum".into()], ..Spec::default() };
+        let (found, tally) = answered(text, &spec);
+        assert_eq!((tally.rows, tally.ok, tally.refused), (5, 3, 2));
         let want = "leaf,sum,status\nelm,5.0,ok\nash,2.0,ok\n\
-                    oak,,\"refused: line 5: x is \"\"x\"\"; expected a number\"\n\"a,b\",8.0,ok\n";
-        assert_eq!(std::fs::read_to_string(out).unwrap(), want);
+                    oak,,\"refused: line 7: x is \"\"x\"\"; expected a number\"\n\"a,b\",8.0,ok\n\
+                    fir,,refused: 0 readings; expected at least 1 (left out: line 12: x is 91; expected below 90)\n";
+        assert_eq!(found, want);
+    }
+
+    /// A value outside what is possible that stands in several cells, as far apart as they may be.
+    #[test]
+    fn a_repeated_impossible_value_is_a_missing_reading() {
+        let spec = Spec {
+            required: vec!["x".into()],
+            optional: vec!["y".into()],
+            outputs: vec!["sum".into()],
+            physical: vec![Physical::shares(vec!["x".into(), "y".into()])],
+            ..Spec::default()
+        };
+        let (found, _) = answered("leaf,x,y\na,1,-1\na,-1,2\nb,2,-1\nb,3,4\n", &spec);
+        assert_eq!(found, "leaf,sum,status\na,1.0,ok\nb,5.0,ok\n");
+        // Twice is no pattern.
+        let (found, _) = answered("leaf,x,y\na,1,1\na,-1,2\nb,2,-1\nb,3,-999\n", &spec);
+        assert_eq!(found, "leaf,sum,status\na,0.0,ok\nb,5.0,ok\n");
     }
 }

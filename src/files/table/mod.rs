@@ -1,23 +1,39 @@
-//! CSV batches: columns by name in any order, extra columns carried through, a bad row named in its own row.
+//! Tables: columns by name in any order, extra columns carried through, a bad row named in its own row.
 //!
-//! Every batch form of the command line uses [`run`]: rows are read in blocks, computed in parallel, and written in
-//! input order. So ten million rows need no more memory than ten thousand.
+//! Every table of the command line is opened as a [`Table`], which recognises its form (encoding, line ends, comments,
+//! separator, decimal commas), and every number in it is read by one list of marks for missing readings. Every batch
+//! form uses [`run`]: rows are read in blocks, computed in parallel, and written in input order. So ten million rows
+//! need no more memory than ten thousand. At the end the lines of the file are compared with the lines that were
+//! answered.
 
+mod cell;
+mod dialect;
+#[cfg(test)]
+mod forms;
 mod groups;
 mod json;
+mod left;
+mod lines;
+pub mod percent;
 mod plan;
+mod possible;
+mod record;
 mod rows;
 mod sink;
 mod source;
 mod tally;
 
 pub use groups::{GroupRow, Groups};
+pub use left::LeftOut;
+pub use lines::plain_text;
 pub use mesophyll_error::Status;
+pub use possible::Physical;
+pub use record::Record;
 pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
-pub use source::{Record, Table};
+pub use source::Table;
 pub use tally::{Tally, counted};
 
-use plan::{Plan, push_cells, whole};
+use plan::{Part, Plan, Stated, push_cells, whole};
 use rows::Block;
 
 use crate::progress::Bar;
@@ -82,6 +98,12 @@ pub struct Spec {
     pub whole: Vec<String>,
     /// Columns of words that may exist, in the order in which [`Row::text`] numbers them.
     pub texts: Vec<String>,
+    /// Those of the optional columns in which a bad cell costs only itself: it is NaN, and [`Row::faults`] and
+    /// [`LeftOut`] name it. In the other columns it refuses its row.
+    pub readings: Vec<String>,
+    /// What is possible in some columns. Numbers outside that programs write for a missing reading (−999, −9.99, 1e34),
+    /// and one value outside that the columns repeat, are missing readings. −9999 is one in every column.
+    pub physical: Vec<Physical>,
 }
 
 /// One input row.
@@ -92,6 +114,8 @@ pub struct Row<'a> {
     /// Positions of the columns of words.
     texts: &'a [Option<usize>],
     number: usize,
+    /// Readings that cannot be read: the number of the column, and why.
+    faults: &'a [(usize, String)],
 }
 
 /// What answers a row, with an answer for each output row.
@@ -116,50 +140,90 @@ impl Row<'_> {
     pub fn number(&self) -> usize {
         self.number
     }
+    /// Line of the file where the row begins; the first line is 1.
+    pub fn line(&self) -> usize {
+        self.record.line()
+    }
+    /// Readings that cannot be read, and why: see [`Spec::readings`].
+    pub fn faults(&self) -> impl Iterator<Item = (usize, &str)> {
+        self.faults.iter().map(|(k, why)| (*k, why.as_str()))
+    }
 }
 
-/// Streams `table` through `f` into `output`. `f` gets the numbers of one row and pushes one answer for each output
-/// row.
+/// A batch whose columns and output are checked and whose rows are not yet read. What is expensive is done between
+/// [`Batch::open`] and [`Batch::run`], so that a wrong name or path is refused before it.
+pub struct Batch {
+    table: Table,
+    spec: Spec,
+    plan: Plan,
+    sink: Sink,
+}
+
+impl Batch {
+    /// Checks the columns of `table` and opens `output`.
+    ///
+    /// # Errors
+    /// A missing required column, an output name that the input already has, an unwritable output.
+    pub fn open(table: Table, output: &Output, spec: &Spec) -> Result<Batch> {
+        let plan = Plan::new(&table, spec)?;
+        let sink = Sink::open(output, table.source())?;
+        Ok(Batch { table, spec: spec.clone(), plan, sink })
+    }
+
+    /// Streams the table through `f`, which gets the numbers of one row and pushes one answer for each output row, at
+    /// least one.
+    ///
+    /// # Errors
+    /// An unreadable input, an output that can no longer be written, a stop, and a row without an answer. Bad rows are
+    /// not errors: they are answered in place with `refused: …`.
+    pub fn run(self, f: impl Fn(&Row, &mut Vec<Answer>) + Sync) -> Result<Tally> {
+        let Batch { mut table, spec, plan, mut sink } = self;
+        sink.write_all(&plan.header_line(&table, &spec))?;
+        let (mut tally, mut lines, mut stated) = (Tally::new(&spec.outputs), 0, Stated::default());
+        let bar = Bar::of("rows");
+        let (mut block, mut next) = (Block::default(), Block::default());
+        let mut done: Vec<Part> = Vec::new();
+        table.next_block(BLOCK, &mut block)?;
+        while !(block.rows.is_empty() && done.is_empty()) {
+            // While these rows are computed, the rows before are written and those after are read.
+            let (computed, moved) = rayon::join(
+                || plan.compute(&block, &spec, &f as &Answering),
+                || {
+                    for part in done.drain(..) {
+                        sink.write_all(&part.bytes)?;
+                        tally.add(&part.tally);
+                        stated.add(&part.stated);
+                        lines += part.lines;
+                        bar.advance(part.tally.rows as u64);
+                    }
+                    if block.rows.is_empty() { Ok(()) } else { table.next_block(BLOCK, &mut next) }
+                },
+            );
+            // A stop may have cut these rows short.
+            if crate::progress::stop_requested() {
+                return Err(Error::Interrupted(format!(
+                    "interrupted after {} rows; no output file was written",
+                    tally.rows
+                )));
+            }
+            moved?;
+            done = computed;
+            std::mem::swap(&mut block, &mut next);
+            next.clear();
+        }
+        table.balance(lines)?;
+        sink.finish()?;
+        stated.say(&table);
+        Ok(tally)
+    }
+}
+
+/// Streams `table` through `f` into `output`: [`Batch::open`] and [`Batch::run`].
 ///
 /// # Errors
-/// A missing required column, an output name that the input already has, an unreadable input or an unwritable output.
-/// Bad rows are not errors: they are answered in place with `refused: …`.
-pub fn run(mut table: Table, output: &Output, spec: &Spec, f: impl Fn(&Row, &mut Vec<Answer>) + Sync) -> Result<Tally> {
-    let plan = Plan::new(&table, spec)?;
-    let mut sink = Sink::open(output, table.source())?;
-    sink.write_all(&plan.header_line(&table, spec))?;
-    let mut tally = Tally::new(&spec.outputs);
-    let bar = Bar::of("rows");
-    let (mut block, mut next) = (Block::default(), Block::default());
-    let mut done: Vec<(Vec<u8>, Tally)> = Vec::new();
-    table.next_block(BLOCK, &mut block)?;
-    while !(block.rows.is_empty() && done.is_empty()) {
-        // While these rows are computed, the rows before are written and those after are read.
-        let (computed, moved) = rayon::join(
-            || plan.compute(&block, spec, &f as &Answering),
-            || {
-                for (bytes, part) in done.drain(..) {
-                    sink.write_all(&bytes)?;
-                    tally.add(&part);
-                    bar.advance(part.rows as u64);
-                }
-                if block.rows.is_empty() { Ok(()) } else { table.next_block(BLOCK, &mut next) }
-            },
-        );
-        // A stop may have cut these rows short.
-        if crate::progress::stop_requested() {
-            return Err(Error::Interrupted(format!(
-                "interrupted after {} rows; no output file was written",
-                tally.rows
-            )));
-        }
-        moved?;
-        done = computed;
-        std::mem::swap(&mut block, &mut next);
-        next.clear();
-    }
-    sink.finish()?;
-    Ok(tally)
+/// As these two.
+pub fn run(table: Table, output: &Output, spec: &Spec, f: impl Fn(&Row, &mut Vec<Answer>) + Sync) -> Result<Tally> {
+    Batch::open(table, output, spec)?.run(f)
 }
 
 #[cfg(test)]

@@ -5,8 +5,9 @@
 //! quote is not closed, so that this row stays one row and the rows after it are rows again. It does not look at cells,
 //! so one thread can find the rows that all other threads split.
 
-use super::source::{Record, Splitter};
-use memchr::{memchr, memchr_iter, memrchr};
+use super::dialect::Dialect;
+use super::lines::{Lines, filled};
+use memchr::{memchr, memchr_iter, memchr2, memchr2_iter};
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, Read};
 
@@ -16,7 +17,10 @@ const MOST_BYTES: usize = 1 << 20;
 /// A line may not be longer than this (bytes); a longer one is not part of a table.
 const LONGEST_LINE: usize = 1 << 26;
 
-/// Whole rows, each ending in a line feed.
+/// Bytes of a block of rows: wide traces are read in smaller blocks.
+pub const LARGEST_BLOCK: usize = 1 << 24;
+
+/// Whole rows, each ending in a line end.
 #[derive(Debug, Default)]
 pub struct Block {
     /// The rows as they are in the file, without blank lines.
@@ -34,7 +38,11 @@ pub struct At {
     pub start: usize,
     /// Which row of the file it is, counted from 0; the header is row 0.
     pub number: usize,
-    /// Whether it is one line without quotes and carriage returns, whose cells are what stands between the commas.
+    /// The line of the file in which it begins, counted from 1.
+    pub line: usize,
+    /// How many lines of the file it takes, without blank ones.
+    pub lines: u64,
+    /// Whether it is one line without quotes, whose cells are what stands between the separators.
     pub plain: bool,
 }
 
@@ -52,15 +60,21 @@ impl Block {
     }
 }
 
-/// A CSV as whole rows with its unclosed quotes mended; see the module.
+/// A table as whole rows with its unclosed quotes mended; see the module. A line feed, a carriage return, and both
+/// together end a line alike.
 pub struct Rows<R> {
-    source: BufReader<R>,
+    source: BufReader<Lines<R>>,
+    separator: u8,
+    /// Whether runs of blanks separate the cells.
+    blanks: bool,
     /// Lines that were read ahead in search of a closing quote and are still to be looked at.
     ahead: VecDeque<Vec<u8>>,
     /// Number of the next line, from 1.
-    line: u64,
+    line: usize,
     /// Number of the next row.
     number: usize,
+    /// The lines of another file that the rows stand for, without the header's.
+    stands_for: Vec<usize>,
 }
 
 /// Where a line's text ends.
@@ -74,13 +88,42 @@ enum End {
 }
 
 impl<R: Read> Rows<R> {
-    pub fn new(source: R) -> Self {
-        Rows { source: BufReader::with_capacity(1 << 18, source), ahead: VecDeque::new(), line: 1, number: 0 }
+    pub fn new(source: R, dialect: &Dialect) -> Self {
+        let source = BufReader::with_capacity(1 << 18, Lines::new(source));
+        let (separator, blanks) = (dialect.separator, dialect.blanks);
+        Rows { source, separator, blanks, ahead: VecDeque::new(), line: 1, number: 0, stands_for: Vec::new() }
+    }
+
+    /// Makes the rows below the header name the lines of another file.
+    pub fn stand_for(&mut self, lines: Vec<usize>) {
+        self.stands_for = lines;
+    }
+
+    fn named(&self, line: usize) -> usize {
+        self.number.checked_sub(1).and_then(|row| self.stands_for.get(row)).copied().unwrap_or(line)
     }
 
     /// Number of the next line, from 1.
-    pub fn line(&self) -> u64 {
+    pub fn line(&self) -> usize {
         self.line
+    }
+
+    /// How many lines that are not empty were read from the source. They include those that are still to be cut, so
+    /// this is the number in the file only at its end.
+    pub fn lines_read(&self) -> u64 {
+        self.source.get_ref().count()
+    }
+
+    /// Passes over `count` lines; the answer is how many of them hold anything.
+    pub fn skip(&mut self, count: usize) -> io::Result<u64> {
+        let (mut line, mut held) = (Vec::new(), 0);
+        for _ in 0..count {
+            line.clear();
+            self.next_line(&mut line)?;
+            self.line += 1;
+            held += filled(&line);
+        }
+        Ok(held)
     }
 
     /// Adds the next line with its end to `bytes`; nothing at the end of the file.
@@ -89,9 +132,25 @@ impl<R: Read> Rows<R> {
             bytes.extend_from_slice(&line);
             return Ok(());
         }
-        if (&mut self.source).take(LONGEST_LINE as u64).read_until(b'\n', bytes)? == LONGEST_LINE {
-            let what = format!("line {} is longer than {} MiB, expected a table", self.line, LONGEST_LINE >> 20);
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+        let start = bytes.len();
+        loop {
+            let seen = self.source.fill_buf()?;
+            let found = memchr2(b'\n', b'\r', seen);
+            let end = found.map_or(seen.len(), |at| at + 1);
+            bytes.extend_from_slice(&seen[..end]);
+            self.source.consume(end);
+            if bytes.len() - start > LONGEST_LINE {
+                let what = format!("line {} is longer than {} MiB, expected a table", self.line, LONGEST_LINE >> 20);
+                return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+            }
+            if found.is_some() || end == 0 {
+                break;
+            }
+        }
+        // The line feed that follows a carriage return ends the same line.
+        if bytes.ends_with(b"\r") && bytes.len() > start && self.source.fill_buf()?.first() == Some(&b'\n') {
+            self.source.consume(1);
+            bytes.push(b'\n');
         }
         Ok(())
     }
@@ -99,27 +158,41 @@ impl<R: Read> Rows<R> {
     /// Adds the lines without quotes that are in memory already, until `block` has `most` rows: the same rows as by
     /// [`Rows::next`], in a fifth of the time.
     pub fn in_memory(&mut self, block: &mut Block, most: usize) -> io::Result<()> {
-        if !self.ahead.is_empty() {
+        if !self.ahead.is_empty() || self.blanks || !self.stands_for.is_empty() {
             return Ok(());
         }
         let seen = self.source.fill_buf()?;
         let seen = &seen[..memchr(b'"', seen).unwrap_or(seen.len())];
-        let seen = &seen[..memrchr(b'\n', seen).map_or(0, |last| last + 1)];
-        let returns = memchr(b'\r', seen).is_some();
-        let mut taken = 0;
-        for end in memchr_iter(b'\n', seen) {
-            let line = &seen[taken..=end];
-            let text = &line[..line.len() - if line.ends_with(b"\r\n") { 2 } else { 1 }];
-            if block.rows.len() >= most || returns && text.contains(&b'\r') {
-                break;
+        let (mut taken, line, number) = (0, &mut self.line, &mut self.number);
+        // Takes the line that ends at a place; false where no more can be taken.
+        let mut take = |at: usize| {
+            if at < taken {
+                // The line feed after a carriage return.
+                return true;
             }
-            if !text.is_empty() {
-                block.rows.push(At { start: block.bytes.len(), number: self.number, plain: true });
-                block.bytes.extend_from_slice(line);
-                self.number += 1;
+            let end = match (seen[at], seen.get(at + 1)) {
+                (b'\n', _) => at + 1,
+                (_, Some(b'\n')) => at + 2,
+                (_, Some(_)) => at + 1,
+                (_, None) => return false,
+            };
+            if block.rows.len() >= most || block.bytes.len() >= LARGEST_BLOCK {
+                return false;
             }
-            self.line += 1;
-            taken = end + 1;
+            if at > taken {
+                let start = block.bytes.len();
+                block.rows.push(At { start, number: *number, line: *line, lines: 1, plain: true });
+                block.bytes.extend_from_slice(&seen[taken..end]);
+                *number += 1;
+            }
+            *line += 1;
+            taken = end;
+            true
+        };
+        if memchr(b'\r', seen).is_some() {
+            let _ = memchr2_iter(b'\n', b'\r', seen).all(&mut take);
+        } else {
+            let _ = memchr_iter(b'\n', seen).all(&mut take);
         }
         self.source.consume(taken);
         Ok(())
@@ -134,40 +207,40 @@ impl<R: Read> Rows<R> {
             if line.is_empty() {
                 return Ok(false);
             }
-            if line.contains(&b'"') {
+            if line.contains(&b'"') && !self.blanks {
                 let first = block.bytes.split_off(start);
                 self.quoted(first, block)?;
                 return Ok(true);
             }
+            let filled = self.add(block, start, 1);
             self.line += 1;
-            if !line.ends_with(b"\n") {
-                block.bytes.push(b'\n');
-            }
-            if self.add(block, start) {
+            if filled {
                 return Ok(true);
             }
         }
     }
 
-    /// Makes a row of what was added to `block` from `start` on; returns false where it is blank. Like a CSV reader, it
-    /// also takes a bare carriage return outside quotes for the end of a row.
-    fn add(&mut self, block: &mut Block, start: usize) -> bool {
-        let row = &block.bytes[start..];
-        let end = row.len() - if row.ends_with(b"\r\n") { 2 } else { 1 };
-        let text = &row[..end];
-        let plain = !text.contains(&b'\r') && !text.contains(&b'"');
-        let count = if text.contains(&b'\r') {
-            let (mut rest, mut splitter, mut record) = (row, Splitter::default(), Record::default());
-            std::iter::from_fn(|| splitter.split(&mut rest, false, &mut record).then_some(())).count()
-        } else {
-            usize::from(!text.is_empty())
-        };
-        if count == 0 {
+    /// Makes a row of what was added to `block` from `start` on, which took `lines` lines of the file; returns false
+    /// where it is blank.
+    fn add(&mut self, block: &mut Block, start: usize, lines: u64) -> bool {
+        let text = text_of(&block.bytes[start..]);
+        if text.is_empty() {
             block.bytes.truncate(start);
             return false;
         }
-        block.rows.push(At { start, number: self.number, plain });
-        self.number += count;
+        let plain = self.blanks || !text.contains(&b'"');
+        if self.blanks {
+            let words: Vec<&[u8]> = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+            let joined = words.join(&self.separator);
+            block.bytes.truncate(start);
+            block.bytes.extend_from_slice(&joined);
+        } else {
+            let end = start + text.len();
+            block.bytes.truncate(end);
+        }
+        block.bytes.push(b'\n');
+        block.rows.push(At { start, number: self.number, line: self.named(self.line), lines, plain });
+        self.number += 1;
         true
     }
 
@@ -176,14 +249,11 @@ impl<R: Read> Rows<R> {
         let start = block.bytes.len();
         let (mut row, mut lines, mut taken) = (first.clone(), 1, Vec::new());
         let why = loop {
-            match scan(&row) {
+            match scan(&row, self.separator) {
                 End::Whole => {
-                    if !row.ends_with(b"\n") {
-                        row.push(b'\n');
-                    }
                     block.bytes.extend_from_slice(&row);
-                    self.add(block, start);
-                    self.line += lines as u64;
+                    self.add(block, start, filled(&row));
+                    self.line += lines;
                     return Ok(());
                 }
                 End::Wrong(_) => break "is closed in the middle of a cell",
@@ -205,7 +275,7 @@ impl<R: Read> Rows<R> {
         taken.into_iter().rev().for_each(|line| self.ahead.push_front(line));
         block.faults.push((block.rows.len(), format!("the quote that opens on line {} {why}", self.line)));
         // The quote at fault is the one that leaves the first line open.
-        let opened = match scan(&first) {
+        let opened = match scan(&first, self.separator) {
             End::Open(at) | End::Wrong(at) => at,
             End::Whole => first.len(),
         };
@@ -221,20 +291,26 @@ impl<R: Read> Rows<R> {
             block.bytes.push(b);
         }
         block.bytes.extend_from_slice(b"\"\n");
-        self.add(block, start);
+        self.add(block, start, 1);
         self.line += 1;
         Ok(())
     }
 }
 
+/// A line or row without its end.
+fn text_of(row: &[u8]) -> &[u8] {
+    let row = row.strip_suffix(b"\n").unwrap_or(row);
+    row.strip_suffix(b"\r").unwrap_or(row)
+}
+
 /// Reads the cells of `row` up to its end or to the first quote that is wrong.
-fn scan(row: &[u8]) -> End {
+fn scan(row: &[u8], separator: u8) -> End {
     let mut k = 0;
     loop {
         // At the start of a cell.
         if row.get(k) != Some(&b'"') {
-            match row[k..].iter().position(|b| matches!(b, b',' | b'\r' | b'\n')) {
-                Some(n) if row[k + n] != b'\n' => {
+            match row[k..].iter().position(|b| *b == separator || matches!(b, b'\r' | b'\n')) {
+                Some(n) if row[k + n] == separator => {
                     k += n + 1;
                     continue;
                 }
@@ -254,12 +330,12 @@ fn scan(row: &[u8]) -> End {
             }
         }
         // After the closing quote: blanks, then the next cell or the end of the row.
-        while matches!(row.get(k), Some(b' ' | b'\t')) {
+        while row.get(k).is_some_and(|b| *b != separator && matches!(b, b' ' | b'\t')) {
             k += 1;
         }
         match row.get(k) {
-            Some(b',' | b'\r') => k += 1,
-            None | Some(b'\n') => return End::Whole,
+            None | Some(b'\r' | b'\n') => return End::Whole,
+            Some(b) if *b == separator => k += 1,
             Some(_) => return End::Wrong(opened),
         }
     }

@@ -1,25 +1,37 @@
-//! A CSV as it is read: a header line that names the columns, then rows one at a time.
+//! A table as it is read: a header line that names the columns, then rows one at a time.
 
-use super::rows::{Block, Rows};
-use crate::atomic;
+use super::cell::{self, Cell, Possible};
+use super::dialect::Dialect;
+use super::lines::{Encoding, FromUtf16};
+use super::record::{Record, Splitter};
+use super::rows::{Block, LARGEST_BLOCK, Rows};
+use crate::instrument::{self, Stated};
 use crate::{Error, Result};
-use memchr::memchr_iter;
-use std::borrow::Cow;
+use crate::{atomic, progress};
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Cursor, Read};
 use std::path::{Path, PathBuf};
 
-/// An opened CSV: its header is read, its rows are not.
+type Source = Box<dyn Read + Send>;
+
+/// An opened table: its header is read, its rows are not.
 pub struct Table {
-    rows: Rows<Box<dyn Read + Send>>,
+    rows: Rows<Source>,
+    pub(super) dialect: Dialect,
+    /// The row that [`Table::next_record`] reads, and what splits it.
     splitter: Splitter,
-    /// The rows that [`Table::next_record`] reads from, and how far it has come in them.
     block: Block,
-    at: usize,
+    /// The first bytes of the file, and whether they are all of it.
+    head: (Vec<u8>, bool),
+    /// How many lines that are not empty were passed over or became the header, and how many became rows.
+    before: u64,
+    handed: u64,
     name: PathBuf,
     /// The file, or `-`.
     source: PathBuf,
+    /// What the file states besides its cells, where it is one of an instrument.
+    stated: Option<Stated>,
     /// Names of the columns.
     pub header: Vec<String>,
     places: HashMap<String, usize>,
@@ -28,47 +40,96 @@ pub struct Table {
 /// More columns than this are a mistake: even traces of three channels and 10,000 frames have only 30,000.
 const MOST_COLUMNS: usize = 65_536;
 
-/// Bytes of a block of rows: wide traces are read in smaller blocks.
-const MOST_BYTES: usize = 1 << 24;
+/// This much of a file is looked at before its rows are read (bytes), and more until there are some lines, but not more
+/// than the second number.
+const HEAD: usize = 1 << 20;
+const LONGEST_HEAD: usize = 1 << 23;
+
+/// This many names of a header are shown in a message.
+const SHOWN: usize = 10;
 
 impl Table {
-    /// Opens `path` (`-`: standard input) and reads the header line.
+    /// Opens `path` (`-`: standard input) and reads the header line. A file of an instrument becomes a table first.
     ///
     /// # Errors
     /// [`Error::Input`] for a missing file, no header, or a column named twice.
     pub fn open(path: &Path) -> Result<Table> {
-        let (source, name): (Box<dyn Read + Send>, PathBuf) = if path == Path::new("-") {
+        let (source, name): (Source, PathBuf) = if path == Path::new("-") {
             (Box::new(io::stdin()), "standard input".into())
         } else {
             let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
             (Box::new(file), path.to_path_buf())
         };
-        Ok(Table { source: path.to_path_buf(), ..Table::from_reader(source, name)? })
+        let (source, stated) = instrument::through(source, &name)?;
+        Ok(Table { source: path.to_path_buf(), stated, ..Table::from_reader(source, name)? })
     }
 
-    /// A table from any source; `name` takes the place of the file's name in messages.
-    pub fn from_reader(source: Box<dyn Read + Send>, name: PathBuf) -> Result<Table> {
+    /// A table from any source; `name` takes the place of the file's name in messages. The form of the table is told by
+    /// its first lines; where it is not the usual one, a line on standard error says so.
+    ///
+    /// # Errors
+    /// As [`Table::open`].
+    pub fn from_reader(source: Source, name: PathBuf) -> Result<Table> {
+        let unreadable = |e: &io::Error| Error::input(&name, format!("line 1: {}", atomic::explain(e)));
+        let (head, whole, rest, encoding) = begin(source).map_err(|e| unreadable(&e))?;
+        let dialect = Dialect::of(&head, whole);
+        let utf_16 = (encoding != Encoding::Utf8).then(|| "as UTF-16".to_string());
+        let form = dialect.words().map(|words| match words.starts_with("separated") && utf_16.is_none() {
+            true => format!("as {words}"),
+            false => words,
+        });
+        let parts: Vec<String> = utf_16.iter().cloned().chain(form).collect();
+        let mut rows: Rows<Source> = Rows::new(Box::new(Cursor::new(head.clone()).chain(rest)), &dialect);
+        let before = rows.skip(dialect.skipped).map_err(|e| unreadable(&e))?;
         let mut table = Table {
-            rows: Rows::new(source),
-            splitter: Splitter::default(),
+            rows,
+            splitter: Splitter::new(dialect.separator),
+            dialect,
             block: Block::default(),
-            at: 0,
+            head: (head, whole),
+            before,
+            handed: 0,
             source: name.clone(),
             name,
+            stated: None,
             header: Vec::new(),
             places: HashMap::new(),
         };
+        table.read_header()?;
+        if !parts.is_empty() {
+            progress::say(format!("{}: read {}", table.name.display(), parts.join(", ")));
+        }
+        Ok(table)
+    }
+
+    /// This table as one that was made of another: `source` is the file that is read, and `lines` are the lines of that
+    /// file that its rows come from, for messages.
+    pub fn standing_for(mut self, source: &Path, lines: Vec<usize>) -> Table {
+        self.source = source.to_path_buf();
+        self.rows.stand_for(lines);
+        self
+    }
+
+    fn read_header(&mut self) -> Result<()> {
         let mut record = Record::default();
-        table.next_record(&mut record)?;
-        let name = &table.name;
+        self.next_record(&mut record)?;
+        (self.before, self.handed) = (self.before + self.handed, 0);
+        let name = &self.name;
         if let Some(why) = &record.unclosed {
             return Err(Error::input(name, format!("the header cannot be read: {why}")));
         }
+        let line = record.line.max(1);
         let cell = |k: usize| match record.text(Some(k)) {
-            Some(Ok(text)) => Ok(text.trim_start_matches('\u{feff}').trim().to_string()),
-            _ => Err(Error::input(name, "line 1: not valid UTF-8 text")),
+            // What was no text in UTF-16 is a replacement character.
+            Some(Ok(text)) if !text.contains(char::REPLACEMENT_CHARACTER) => {
+                Ok(text.trim_start_matches('\u{feff}').trim().to_string())
+            }
+            _ => Err(Error::input(name, format!("line {line}: not valid UTF-8 text"))),
         };
-        let header = (0..record.len()).map(cell).collect::<Result<Vec<String>>>()?;
+        let mut header = (0..record.len()).map(cell).collect::<Result<Vec<String>>>()?;
+        if let Some(first) = header.first_mut() {
+            *first = first.trim_start_matches(&self.dialect.mark).trim().to_string();
+        }
         if header.iter().all(|h| h.is_empty()) {
             return Err(Error::input(name, "no header line; the first line must name the columns"));
         }
@@ -77,12 +138,13 @@ impl Table {
         }
         let mut places = HashMap::new();
         for (k, h) in header.iter().enumerate() {
-            if places.insert(h.clone(), k).is_some() {
+            // Spreadsheets leave columns without a name at the end.
+            if places.insert(h.clone(), k).is_some() && !h.is_empty() {
                 return Err(Error::field(name, h, "the header names this column twice"));
             }
         }
-        (table.header, table.places) = (header, places);
-        Ok(table)
+        (self.header, self.places) = (header, places);
+        Ok(())
     }
 
     /// The file that is read; `-` for standard input.
@@ -95,6 +157,11 @@ impl Table {
         &self.name
     }
 
+    /// What the file states besides its cells; `None` for a plain table.
+    pub fn stated(&self) -> Option<&Stated> {
+        self.stated.as_ref()
+    }
+
     /// Position of a column.
     pub fn column(&self, name: &str) -> Option<usize> {
         self.places.get(name).copied()
@@ -102,15 +169,86 @@ impl Table {
 
     /// Position of a column that must be there.
     pub fn require(&self, name: &str) -> Result<usize> {
-        self.column(name).ok_or_else(|| {
-            Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header()))
+        self.column(name).ok_or_else(|| match &self.stated {
+            Some(stated) => Error::input(&self.name, stated.lacks(name)),
+            None => Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header())),
         })
     }
 
     /// The header for a message, shortened where it is long.
-    fn shown_header(&self) -> String {
-        let shown = self.header.iter().take(40).map(String::as_str).collect::<Vec<_>>().join(", ");
-        if self.header.len() > 40 { format!("{shown} and {} more", self.header.len() - 40) } else { shown }
+    pub fn shown_header(&self) -> String {
+        let shown = self.header.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+        if self.header.len() > SHOWN { format!("{shown} and {} more", self.header.len() - SHOWN) } else { shown }
+    }
+
+    /// The numbers of some columns in the first rows of the table (about the first MiB), row by row. Cells that hold no
+    /// number are left out.
+    pub fn head(&self, columns: &[String]) -> Vec<f64> {
+        let places: Vec<usize> = columns.iter().filter_map(|name| self.column(name)).collect();
+        let mut values = Vec::new();
+        self.each_in_head(|record| {
+            let numbers = places.iter().filter_map(|&k| self.number(record, k).ok().flatten());
+            values.extend(numbers.filter(|v| v.is_finite()));
+        });
+        values
+    }
+
+    /// The words of a column in the first rows of the table; see [`Table::head`].
+    pub fn head_words(&self, column: &str) -> Vec<String> {
+        let mut words = Vec::new();
+        if let Some(k) = self.column(column) {
+            self.each_in_head(|record| words.push(record.shown(k).into_owned()));
+        }
+        words
+    }
+
+    /// Calls `see` with the whole rows of the file's first bytes.
+    pub(super) fn each_in_head(&self, mut see: impl FnMut(&Record)) {
+        let (bytes, whole) = &self.head;
+        let end = if *whole { bytes.len() } else { memchr::memrchr2(b'\n', b'\r', bytes).map_or(0, |at| at + 1) };
+        let mut rows = Rows::new(&bytes[..end], &self.dialect);
+        let (mut splitter, mut record) = (self.splitter.clone(), Record::default());
+        let mut block = Block::default();
+        // Bytes in memory are read without errors.
+        let _ = rows.skip(self.dialect.skipped);
+        while rows.next(&mut block).unwrap_or(false) {
+            let row = block.rows[0];
+            let sound = splitter.split(&block.bytes, row.plain, &mut record);
+            if sound && row.number > 0 && block.fault(0).is_none() && record.len() == self.header.len() {
+                see(&record);
+            }
+            block.clear();
+        }
+    }
+
+    /// The number in a cell; `None` where it says that there is no reading.
+    ///
+    /// # Errors
+    /// The sentence that names the column, what was found, and what was expected.
+    pub fn number(&self, record: &Record, column: usize) -> std::result::Result<Option<f64>, String> {
+        self.number_in(record, column, Possible::ANY.range)
+    }
+
+    /// As [`Table::number`], for a quantity that is always in `range`: numbers such as −999 outside it mean that there
+    /// is no reading. Other numbers outside it are returned.
+    ///
+    /// # Errors
+    /// As [`Table::number`].
+    pub fn number_in(
+        &self,
+        record: &Record,
+        column: usize,
+        range: [f64; 2],
+    ) -> std::result::Result<Option<f64>, String> {
+        let name = self.header.get(column).map_or("", String::as_str);
+        let Ok(text) = std::str::from_utf8(record.bytes(column)) else {
+            return Err(format!("{name} is not valid UTF-8 text; expected a number"));
+        };
+        match cell::read(text, self.dialect.decimal_comma, &Possible::within(range)) {
+            Cell::Number(v) => Ok(Some(v)),
+            Cell::Missing | Cell::Stated => Ok(None),
+            found => Err(cell::complaint(name, text, found, self.dialect.decimal_comma)),
+        }
     }
 
     /// The column of an angle, which is called `name` (radians) or `name_deg` (degrees), and the factor that converts
@@ -131,27 +269,28 @@ impl Table {
 
     /// Reads the next row; returns false at the end. Rows may have a wrong number of cells or not be text: see
     /// [`Record::fault`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that cannot be read, and where the rows that were read are not all lines of the file.
     pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
-        loop {
-            let mut rest = &self.block.bytes[self.at..];
-            let plain = self.block.rows.first().is_some_and(|row| row.plain);
-            if self.splitter.split(&mut rest, plain, record) {
-                self.at = self.block.bytes.len() - rest.len();
-                record.unclosed = self.block.fault(0).cloned();
-                return Ok(true);
-            }
-            self.block.clear();
-            self.at = 0;
-            if !self.rows.next(&mut self.block).map_err(|e| self.unreadable(&e))? {
-                return Ok(false);
-            }
+        self.block.clear();
+        if !self.rows.next(&mut self.block).map_err(|e| self.unreadable(&e))? {
+            self.balance(self.handed)?;
+            return Ok(false);
         }
+        let row = self.block.rows[0];
+        if self.splitter.split(&self.block.bytes, row.plain, record) {
+            self.handed += row.lines;
+        }
+        record.line = row.line;
+        record.unclosed = self.block.fault(0).cloned();
+        Ok(true)
     }
 
     /// Reads the next `most` rows, or fewer where they are long, without looking at their cells; reads none at the end.
     pub(super) fn next_block(&mut self, most: usize, block: &mut Block) -> Result<()> {
         block.clear();
-        while block.rows.len() < most && block.bytes.len() < MOST_BYTES {
+        while block.rows.len() < most && block.bytes.len() < LARGEST_BLOCK {
             self.rows.in_memory(block, most).map_err(|e| self.unreadable(&e))?;
             // What is left begins with a quote, or with the part of a line that ends further on in the file.
             if block.rows.len() < most && !self.rows.next(block).map_err(|e| self.unreadable(&e))? {
@@ -161,125 +300,51 @@ impl Table {
         Ok(())
     }
 
+    /// Compares the number of lines whose rows were answered with the number of lines that were read, which is counted
+    /// without any knowledge of rows.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where they differ: a row was lost, which is a fault of this program.
+    pub(super) fn balance(&self, answered: u64) -> Result<()> {
+        let there = self.rows.lines_read().saturating_sub(self.before);
+        if answered == there {
+            return Ok(());
+        }
+        Err(Error::input(
+            &self.name,
+            format!(
+                "{answered} of its {there} lines below the header were answered, expected all; this is a fault of the \
+                 program, and no file was written"
+            ),
+        ))
+    }
+
     fn unreadable(&self, e: &io::Error) -> Error {
         Error::input(&self.name, format!("line {}: {}", self.rows.line(), atomic::explain(e)))
     }
 }
 
-/// Splits rows into their cells.
-#[derive(Debug, Clone)]
-pub(super) struct Splitter(csv_core::Reader);
-
-impl Default for Splitter {
-    fn default() -> Splitter {
-        // The reader's own default is one without rules.
-        Splitter(csv_core::Reader::new())
+/// Reads the beginning of a file: its first bytes in UTF-8, whether they are all, what follows, and how it is stored.
+fn begin(mut source: Source) -> io::Result<(Vec<u8>, bool, Source, Encoding)> {
+    let mut head = Vec::new();
+    let mut whole = !fill(&mut source, &mut head, HEAD)?;
+    let (encoding, mark) = Encoding::of(&head);
+    head.drain(..mark);
+    if let Encoding::Utf16 { big_endian } = encoding {
+        source = Box::new(FromUtf16::new(Cursor::new(std::mem::take(&mut head)).chain(source), big_endian));
+        whole = !fill(&mut source, &mut head, HEAD)?;
     }
+    // A header of many columns may be longer than that, and the rows below it tell its form.
+    while !whole && head.len() < LONGEST_HEAD && memchr::memchr2_iter(b'\n', b'\r', &head).take(4).count() < 4 {
+        let more = head.len() + HEAD;
+        whole = !fill(&mut source, &mut head, more)?;
+    }
+    Ok((head, whole, source, encoding))
 }
 
-impl Splitter {
-    /// Takes the first row off `rows`, which end in a line feed; returns false where there is none. `plain` says that
-    /// it is the only one and has no quotes.
-    pub fn split(&mut self, rows: &mut &[u8], plain: bool, record: &mut Record) -> bool {
-        // The reader beneath takes an empty input for the end of the file and then reads no more.
-        if rows.is_empty() {
-            return false;
-        }
-        if plain {
-            record.hold(std::mem::take(rows));
-            return true;
-        }
-        record.between = 0;
-        let (mut filled, mut count) = (0, 0);
-        // A row has no more bytes in its cells than in the file.
-        if record.bytes.len() < rows.len() {
-            record.bytes.resize(rows.len(), 0);
-        }
-        loop {
-            if record.ends.len() <= count {
-                record.ends.resize(2 * count + 16, 0);
-            }
-            let (state, read, wrote, ended) =
-                self.0.read_record(rows, &mut record.bytes[filled..], &mut record.ends[count..]);
-            *rows = &rows[read..];
-            filled += wrote;
-            count += ended;
-            match state {
-                csv_core::ReadRecordResult::OutputEndsFull => {}
-                csv_core::ReadRecordResult::OutputFull => record.bytes.resize(2 * filled + 64, 0),
-                ended => {
-                    record.count = count;
-                    return ended == csv_core::ReadRecordResult::Record;
-                }
-            }
-        }
-    }
-}
-
-/// One row as it was read.
-#[derive(Debug, Clone, Default)]
-pub struct Record {
-    /// The text of the cells, one after another.
-    bytes: Vec<u8>,
-    /// Where each cell's text ends.
-    ends: Vec<usize>,
-    /// Bytes between two cells: the comma of a row that was taken as it is.
-    between: usize,
-    /// How many cells there are.
-    count: usize,
-    /// Why the row's quotes make no sense, if so.
-    pub(super) unclosed: Option<String>,
-}
-
-impl Record {
-    /// Takes a line without quotes as it is.
-    fn hold(&mut self, line: &[u8]) {
-        self.bytes.clear();
-        self.bytes.extend_from_slice(line);
-        self.ends.clear();
-        self.ends.extend(memchr_iter(b',', line));
-        // The end of the line is a blank at the end of the last cell.
-        self.ends.push(line.len());
-        (self.count, self.between) = (self.ends.len(), 1);
-    }
-
-    /// Whether its cells stand in the file as they are, so that none needs quotes when it is written.
-    pub(super) fn is_plain(&self) -> bool {
-        self.between == 1
-    }
-
-    /// How many cells it has.
-    pub fn len(&self) -> usize {
-        self.count
-    }
-
-    /// Whether it has no cells.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
-    }
-
-    /// Why a row of a table of `width` columns cannot be read, if so. A cell in another encoding spoils only itself.
-    pub fn fault(&self, width: usize) -> Option<String> {
-        let ragged = || (self.count != width).then(|| format!("{} fields where the header has {width}", self.count));
-        self.unclosed.clone().or_else(ragged)
-    }
-
-    /// A cell as it is in the file, in any encoding, without the blanks around it; empty where there is no such cell.
-    pub fn bytes(&self, k: usize) -> &[u8] {
-        if k >= self.count {
-            return &[];
-        }
-        let start = if k == 0 { 0 } else { self.ends[k - 1] + self.between };
-        self.bytes[start..self.ends[k]].trim_ascii()
-    }
-
-    /// A cell as text, if there is such a column.
-    pub fn text(&self, k: Option<usize>) -> Option<std::result::Result<&str, std::str::Utf8Error>> {
-        k.map(|k| std::str::from_utf8(self.bytes(k)))
-    }
-
-    /// A cell as text; bytes that are not UTF-8 become replacement characters.
-    pub fn shown(&self, k: usize) -> Cow<'_, str> {
-        String::from_utf8_lossy(self.bytes(k))
-    }
+/// Reads until `bytes` has `length` bytes; false where the source ends before.
+fn fill(source: &mut Source, bytes: &mut Vec<u8>, length: usize) -> io::Result<bool> {
+    let missing = length.saturating_sub(bytes.len()) as u64;
+    source.take(missing).read_to_end(bytes)?;
+    Ok(bytes.len() >= length)
 }

@@ -4,6 +4,8 @@
 use super::{Fitted, Options};
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid, glb, mesh};
+use crate::leaf::faults::thickness;
+use crate::leaf::faults::through::{self, View};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::highlight::fresnel_normal;
 use mesophyll_capture::dome::reduce::DEFECTS;
@@ -13,6 +15,7 @@ use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{BLADE, File, fill, previews};
 use mesophyll_optics::side::Side;
+use mesophyll_record::fault::Fault;
 use mesophyll_record::{FitRecord, Param, Section, TruthError};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -49,6 +52,7 @@ pub fn write(
     say("smooth_thickness_mm", format!("{:?}", reduced.alignment.smooth_thickness_mm));
     say("smooth_height_mm", format!("{:?}", reduced.alignment.smooth_height_mm));
     say("lobe", "Beckmann".into());
+    record.faults = faults(reduced, sides, m.width);
 
     let blade = blade(&grid, reduced);
     let mut names = Vec::new();
@@ -58,6 +62,7 @@ pub fn write(
         write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
         previews::write(out, fitted.side, &values)?;
         let mut section = section(reduced, fitted);
+        through::apply(&record.faults, fitted.side.name(), &mut section);
         section.truth = truth(capture, fitted, &values, &errors)?;
         record.sections.insert(fitted.side.name().into(), section);
         names.extend([File::Maps, File::Errors].map(|f| f.path(Path::new(""), fitted.side)));
@@ -78,6 +83,20 @@ pub fn write(
         record.files.insert(name.to_string_lossy().into_owned(), hash::file(&path)?);
     }
     Ok(())
+}
+
+/// Faults that the photographs and the scans show of themselves.
+fn faults(reduced: &Reduced, sides: &[Fitted; 2], width: usize) -> Vec<Fault> {
+    let single = |side: Side| -> Vec<[f32; 3]> {
+        reduced.side(side).transmittance.iter().map(|t| t.map(|v| v as f32)).collect()
+    };
+    let on = |fitted: &Fitted| -> Vec<bool> { fitted.status.iter().map(|s| *s != 0).collect() };
+    let (front, back) = ((on(&sides[0]), single(Side::Front)), (on(&sides[1]), single(Side::Back)));
+    let mut out: Vec<Fault> =
+        through::turned(&View::from(&front), &View::from(&back), width, "back/translucency.exr").into_iter().collect();
+    out.extend(sides.iter().filter_map(|s| through::energy(s.side.name(), &s.status)));
+    out.extend(thickness("the mean thickness by both height scans", mean(&sides[0]), &["front", "back"]));
+    out
 }
 
 /// Mean thickness of the good texels (mm).

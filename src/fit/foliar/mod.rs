@@ -4,11 +4,13 @@
 //! depend on contents per area, so the thickness of the mesophyll does not matter. The misfit may have several minima,
 //! so the solver starts at several places.
 
+mod adequacy;
 mod shared;
 pub mod surface;
 
 pub use mesophyll_capture::pigments;
 
+use adequacy::Stated;
 use mesophyll_files::table::{Answer, Status};
 use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
 use mesophyll_optics::side::Side;
@@ -320,13 +322,22 @@ impl Model {
                 starts = minima;
             }
         }
-        let found = global::multi_start(&self.problem(readings, &sigma, known), &starts, &options);
+        let problem = self.problem(readings, &sigma, known);
+        let found = global::multi_start(&problem, &starts, &options);
         let Some(found) = found.filter(|f| f.best.params.iter().all(|p| p.is_finite())) else {
             return Answer::refused("the fit did not converge");
         };
         let fit = &found.best;
         let squares: f64 = fit.residuals.iter().zip(&sigma).map(|(r, s)| (r * s).powi(2)).sum();
         let rms = (squares / m as f64).sqrt();
+        let mut jacobian = vec![0.0; n * m];
+        problem.jacobian(&fit.params, &mut jacobian);
+        let noise = match (known_noise, exact) {
+            (true, _) => Stated::Errors,
+            (_, true) => Stated::Exact,
+            _ => Stated::Nothing,
+        };
+        let judged = adequacy::of_fit(self, readings, &sigma, &fit.residuals, &jacobian, noise);
         let (mut values, mut errors, mut open) = (Vec::new(), Vec::new(), Vec::new());
         for p in &self.asked {
             let Some(k) = self.free.iter().position(|f| f == p) else {
@@ -340,11 +351,13 @@ impl Model {
                 Parameter::Oblateness => (x.exp_m1().min(MOST_OBLATE), s * x.exp()),
                 _ => (x, s),
             };
-            let error = if exact && s.is_finite() { 0.0 } else { error };
+            let error = if exact && s.is_finite() { 0.0 } else { error * judged.widening[k] };
             let lost = !fit.converged() || fit.uncertainty.undetermined.contains(&k) || !s.is_finite() && known_noise;
             let bound = self.bound(*p, x, s).filter(|_| known_noise);
             if let (Some(bound), false) = (&bound, lost) {
                 open.push(bound.clone());
+            } else if let Some(why) = adequacy::no_leaf_has(*p, value) {
+                open.push(why);
             } else if lost || fit.at_bound.contains(&k) || known_noise && error > PROMISE * value {
                 open.push(p.column().to_string());
             }
@@ -353,7 +366,14 @@ impl Model {
         }
         values.extend(errors);
         values.extend([rms, found.minima.len() as f64]);
-        let status = if open.is_empty() { Status::Ok } else { Status::Undetermined(open.join("; ")) };
+        let status = match adequacy::why(&judged, readings, self, rms) {
+            Some(why) => {
+                let names: Vec<&str> = self.asked.iter().map(|p| p.column()).collect();
+                Status::Undetermined(format!("{} ({why})", names.join(" ")))
+            }
+            None if open.is_empty() => Status::Ok,
+            None => Status::Undetermined(open.join("; ")),
+        };
         Answer { values, status }
     }
 }

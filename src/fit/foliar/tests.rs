@@ -21,9 +21,19 @@ fn spectrum() -> Spectrum {
 
 /// Readings of a leaf as the exact method computes them.
 fn readings(lights: &[(f64, Side)], chlorophyll: f64, carotenoid: f64, epidermis: f64) -> Vec<Reading> {
+    of_spectrum(&spectrum(), lights, chlorophyll, carotenoid, epidermis)
+}
+
+fn of_spectrum(
+    spectrum: &Spectrum,
+    lights: &[(f64, Side)],
+    chlorophyll: f64,
+    carotenoid: f64,
+    epidermis: f64,
+) -> Vec<Reading> {
     let mut readings = Vec::new();
     for (light, &(wavelength, side)) in lights.iter().enumerate() {
-        let constants = spectrum().at(wavelength).unwrap();
+        let constants = spectrum.at(wavelength).unwrap();
         let per = constants.per_content();
         let [n_cuticle, n_mesophyll, n_antidermal] = constants.indices;
         let leaf = Leaf {
@@ -152,4 +162,39 @@ fn real_leaves_are_fitted_as_closely_as_by_prospect() {
     let rms = (squares / count).sqrt();
     println!("{leaves} leaves, {count} readings: rms {rms:.4}");
     assert!(leaves > 600 && rms <= 0.0135, "{leaves} leaves: {rms}");
+}
+
+/// A leaf whose readings no pigments give, and a leaf with a wave over wavelength that its stated noise would hide.
+#[test]
+fn what_the_layered_leaf_does_not_describe_is_never_ok() {
+    let model = MODEL.asking(&THREE, Some(5e-3));
+    let mut odd = readings(&LIGHTS, 30.0, 8.0, 5.0);
+    // Blue is reflected, green let through and red reflected: the two bands of chlorophyll contradict each other.
+    for (reading, value) in odd.iter_mut().zip([0.55, 0.03, 0.12, 0.45, 0.6, 0.12]) {
+        reading.value = value;
+    }
+    for noise in [Some(5e-3), None, Some(0.0)] {
+        let found = model.asking(&THREE, noise).fit(&odd, &KNOWN);
+        let said = found.status.to_string();
+        assert!(THREE.iter().all(|p| found.status.leaves_open(p.column())), "{said}");
+        assert!(said.contains("the model does not describe this leaf: "), "{said}");
+    }
+
+    let lights: Vec<(f64, Side)> = (0..40).map(|k| (450.0 + 5.0 * f64::from(k), Side::Front)).collect();
+    let mut flat = spectrum();
+    flat.points.iter_mut().for_each(|p| p.1.indices = [1.5, 1.42, 1.41]);
+    let model = Model::new(&flat, &lights, SETTING, &THREE, Some(4e-3)).unwrap();
+    let clean = of_spectrum(&flat, &lights, 30.0, 8.0, 5.0);
+    let with = |wave: f64| {
+        let moved = |(k, r): (usize, &Reading)| {
+            let parity = if (k / 2) % 2 == 0 { 1.0 } else { -1.0 };
+            let slow = (f64::from(k as u32) / 6.0).sin();
+            Reading { value: r.value + 4e-3 * (wave * slow + (1.0 - wave) * parity), ..*r }
+        };
+        model.fit(&clean.iter().enumerate().map(moved).collect::<Vec<_>>(), &KNOWN)
+    };
+    let (rough, wavy) = (with(0.0), with(1.0));
+    assert_eq!(rough.status, Status::Ok, "{rough:?}");
+    assert!(wavy.status.to_string().contains("along the wavelength"), "{wavy:?}");
+    assert!(wavy.values[3] > 1.5 * rough.values[3], "errors are widened: {wavy:?} {rough:?}");
 }

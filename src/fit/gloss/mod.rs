@@ -296,6 +296,21 @@ impl TexelFit {
         Answer { values, status: self.status(channels) }
     }
 
+    /// The same for a trace of a table, of which it was asked whether the lobe describes it
+    /// ([`TexelFitter::judge`]).
+    pub fn judged(mut self, found: Option<&mesophyll_solve::adequacy::Adequacy>, channels: usize) -> Answer {
+        let why = found.and_then(|found| self.doubted(found));
+        let answer = self.answer(channels);
+        match why {
+            // A defect that was found before says as much.
+            Some(why) if !matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED | AMBIGUOUS)) => {
+                let names = Undetermined::all(channels).names(channels).join(" ");
+                Answer { status: Status::Undetermined(format!("{names} ({why})")), ..answer }
+            }
+            _ => answer,
+        }
+    }
+
     /// χ² over the degrees of freedom: about 1 where the model and the stated noise are right.
     pub fn reduced_chi2(&self) -> f64 {
         self.chi2 / (self.samples.saturating_sub(self.parameters)).max(1) as f64

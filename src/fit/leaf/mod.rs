@@ -9,6 +9,7 @@
 pub mod blade;
 pub mod curve;
 mod defect;
+pub mod faults;
 pub mod held_out;
 pub(crate) mod interior;
 mod noise;
@@ -127,7 +128,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         manifest.pass(travel).map_or_else(Default::default, |p| options.hold_out.split(travel, p.positions().len()))
     };
     let splits = Splits { x: split(Travel::X), y: split(Travel::Y) };
-    let level = noise::level(&capture, &splits)?;
+    let mut level = noise::level(&capture, &splits)?;
     let sides =
         manifest.sides.iter().map(|&s| side::Measured::read(&capture, s, &level)).collect::<Result<Vec<_>>>()?;
     maker.times.phase("light box and mask", step);
@@ -215,6 +216,10 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         judged.push(held_out::judge(&capture, record.scan.get_or_insert_default(), &splits, fitted, &level)?);
     }
     maker.times.phase("held-out frames", step);
+    let step = Instant::now();
+    let found = faults::look(&capture, record.scan.get_or_insert_default(), &level, &done)?;
+    output::found(&mut record, &mut done, found, &mut level);
+    maker.times.phase("faults of the measurement", step);
     let step = Instant::now();
     let out = maker.begin()?.to_path_buf();
     for (fitted, judged) in done.iter().zip(judged) {

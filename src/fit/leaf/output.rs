@@ -4,6 +4,7 @@
 use crate::Result;
 use crate::leaf::blade::{self, Blade, Grid, glb};
 use crate::leaf::defect::OF_SCANS;
+use crate::leaf::faults::{Bias, Findings, through};
 use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
@@ -16,8 +17,9 @@ use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{BLADE, File, fill, previews};
 use mesophyll_optics::side::Side;
+use mesophyll_record::fault::{Fault, Grade};
 use mesophyll_record::scan::Scan;
-use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
+use mesophyll_record::{DISCARDED, FitRecord, MIRROR, NOISE_SEEN, Param, READINGS, Residuals, Section};
 use std::path::Path;
 
 /// Writes options, gauges and defect names: everything in `fit.toml` that belongs to no single side.
@@ -72,6 +74,49 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 
+/// Records the faults that were found, and takes them into account: the errors of the texels hold what a wrong cause did
+/// to them, and residuals that nothing explains.
+pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level: &mut Level) {
+    for (fitted, (bias, scale)) in done.iter_mut().zip(found.bias.into_iter().zip(found.scale)) {
+        widen(&mut fitted.maps, bias, scale);
+    }
+    // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise from
+    // both.
+    let beside = found.noise.iter().flatten().copied().reduce(f64::max);
+    level.seen = match (level.seen, beside) {
+        (Some(seen), Some(beside)) if seen > 1.0 => Some(seen.min(beside.max(1.0))),
+        (seen, _) => seen,
+    };
+    record.faults = found.faults;
+}
+
+/// Widens the standard errors of the merged parts. `scale`: residuals over the noise.
+fn widen(parts: &mut Maps, bias: Bias, scale: f64) {
+    let (chi2, freedom) = texels::chi2(parts);
+    // A texel whose own χ² is that large has wide errors already.
+    let own: Vec<bool> = chi2.iter().zip(freedom).map(|(c, f)| *c > f + 5.0 * (2.0 * f).sqrt()).collect();
+    let Bias { rho_d, rho_s, m, normal } = bias;
+    for (quantity, relative, absolute) in [
+        (Quantity::RhoD, rho_d, 0.0),
+        (Quantity::RhoS, rho_s, 0.0),
+        (Quantity::M, m, 0.0),
+        (Quantity::Normal, 0.0, normal),
+    ] {
+        for c in 0..quantity.letters().len() {
+            let value = parts.plane(quantity, c).unwrap_or_default().to_vec();
+            let Some(error) = texels::error_mut(parts, quantity, c) else { continue };
+            for (k, error) in error.iter_mut().enumerate() {
+                if scale > 1.0 && !own[k] {
+                    *error *= scale as f32;
+                }
+                if relative + absolute > 0.0 && value[k].is_finite() {
+                    *error = error.hypot(relative as f32 * value[k] + absolute as f32);
+                }
+            }
+        }
+    }
+}
+
 /// Reconstructs the blade from both sides' normals (the back's turned into the front's image).
 pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
     let m = &capture.manifest;
@@ -124,8 +169,11 @@ pub fn side(
     if let Some(frames) = &judged.stored {
         write_exr(&File::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
     }
-    let section =
-        Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth) };
+    let section = Section {
+        held_out: judged.passes,
+        light_box: judged.light_box,
+        ..section(capture, fitted, level, truth, &record.faults)
+    };
     record.sections.insert(fitted.side.name().into(), section);
     Ok(())
 }
@@ -228,7 +276,7 @@ fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32
     plane[0].iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
 }
 
-fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison) -> Section {
+fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison, faults: &[Fault]) -> Section {
     let m = &capture.manifest;
     let mut s = Section { figures: fitted.figures.clone(), truth: truth.errors, ..Section::default() };
     s.figures.extend(truth.figures);
@@ -241,8 +289,21 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     }
     let plane = |quantity| fitted.maps.scalar(quantity).unwrap_or_default();
     let undetermined = plane(Quantity::Undetermined);
-    let undetermined = fitted.at.iter().filter(|k| undetermined[**k as usize] != 0.0).count();
+    let spoils =
+        |quantity: &str| faults.iter().find(|f| f.grade == Grade::Wrong && f.spoils(fitted.side.name(), quantity));
+    let undetermined = if spoils(Quantity::RhoS.name()).is_some() {
+        fitted.at.len()
+    } else {
+        fitted.at.iter().filter(|k| undetermined[**k as usize] != 0.0).count()
+    };
     s.counts.insert("gloss_undetermined".into(), undetermined);
+    let (_, freedom) = texels::chi2(&fitted.maps);
+    let discarded = texels::discarded(&fitted.maps);
+    let inside = || fitted.measured.mask.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| k);
+    let left_out: f64 = inside().map(|k| f64::from(discarded.get(k).copied().unwrap_or(0.0))).sum();
+    let used: f64 = inside().map(|k| f64::from(freedom[k].max(0.0))).sum();
+    s.counts.insert(DISCARDED.into(), left_out as usize);
+    s.counts.insert(READINGS.into(), (used + left_out) as usize);
     for (code, mask) in plane(Quantity::Termination).iter().zip(&fitted.measured.mask) {
         if *mask {
             *s.terminations.entry(texels::termination_name(*code).into()).or_default() += 1;
@@ -297,6 +358,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     {
         s.params.insert(quantity.name().into(), parameter(quantity, value, relative));
     }
+    through::apply(faults, fitted.side.name(), &mut s);
     s.params.insert(
         Quantity::Thickness.name().into(),
         Param {

@@ -36,16 +36,24 @@ fn channels() -> Vec<String> {
         named(DARK, &[RhoD]),
         named(ERROR, &[RhoS, M, Normal]),
         named("", &[Chi2, Freedom, Termination, Undetermined, Mask]),
+        vec![DISCARDED.to_string()],
     ]
     .concat()
 }
 
 const ERROR: &str = "err.";
 const DARK: &str = "dark.";
+const DISCARDED: &str = "discarded";
 
 /// Standard errors of channel `c` of a quantity, of the merged parts.
 pub fn error(parts: &Maps, quantity: Quantity, c: usize) -> &[f32] {
     parts.get(&format!("{ERROR}{}", quantity.channel(c))).unwrap_or_default()
+}
+
+/// The same to change.
+pub fn error_mut(parts: &mut Maps, quantity: Quantity, c: usize) -> Option<&mut Vec<f32>> {
+    let name = format!("{ERROR}{}", quantity.channel(c));
+    parts.channels.iter_mut().find(|(n, _)| *n == name).map(|(_, plane)| plane)
 }
 
 /// What one standard deviation of the dark frame does to channel `c` of ρd, of the merged parts.
@@ -57,6 +65,11 @@ pub fn by_dark(parts: &Maps, c: usize) -> &[f32] {
 pub fn chi2(parts: &Maps) -> (&[f32], &[f32]) {
     let plane = |q| parts.scalar(q).unwrap_or_default();
     (plane(Quantity::Chi2), plane(Quantity::Freedom))
+}
+
+/// Readings of every texel that its fit left out as outliers, of the merged parts.
+pub fn discarded(parts: &Maps) -> &[f32] {
+    parts.get(DISCARDED).unwrap_or_default()
 }
 
 /// Describes what a part holds. The parts of a stopped run are reused only where this description is the same.
@@ -222,6 +235,7 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
         values.push(termination_code(fit.termination));
         values.push(f64::from(!fit.undetermined.is_empty()));
         values.push(f64::from(defect::of_texel(fit).map_or(GOOD, Defect::code)));
+        values.push(fit.outliers as f64);
         for (plane, v) in planes.iter_mut().zip(values) {
             plane[at] = v as f32;
         }

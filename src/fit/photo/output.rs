@@ -5,6 +5,8 @@ use super::Fitted;
 use crate::Result;
 use crate::dome::output::judged;
 use crate::leaf::blade::{Grid, glb, mesh};
+use crate::leaf::faults::thickness;
+use crate::leaf::faults::through;
 use mesophyll_capture::truth_path;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
@@ -29,6 +31,9 @@ pub fn write(
     record: &mut FitRecord,
 ) -> Result<()> {
     describe(manifest, reduced, record);
+    // Only one side was seen on the light table, so nothing compares what comes through both ways.
+    record.faults = sides.iter().filter_map(|s| through::energy(s.side.name(), &s.status)).collect();
+    record.faults.extend(thickness("the stated thickness (mm)", manifest.thickness()[0], &["front", "back"]));
     let grid = Grid { width: reduced.width, height: reduced.height, texel: reduced.texel_mm };
     let mut names = Vec::new();
     for fitted in sides {
@@ -37,6 +42,7 @@ pub fn write(
         write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
         previews::write(out, fitted.side, &values)?;
         let mut section = section(manifest, reduced, fitted);
+        through::apply(&record.faults, fitted.side.name(), &mut section);
         if let Some(truth) = truth(folder, reduced, fitted.side)? {
             section.truth = judged(&truth, &fitted.status, &values, &errors);
         }

@@ -1,51 +1,279 @@
-//! Deflections over time: columns `time_s,u_mm` and optionally `v_mm`, at even times.
+//! Deflections over time: columns `time_s,u_mm` and optionally `v_mm`, read at a steady rate, with or without gaps.
 
-use super::Record;
+use super::clean::resolution;
+use super::clock::{self, Stamp};
+use super::{Record, grid};
 use crate::{Error, Result};
 use mesophyll_files::table::{self, Table};
+use std::path::Path;
 
-/// Times may deviate from even spacing by this share of the step, because they are often written with few digits.
-const EVEN: f64 = 0.02;
+/// Columns that hold times, and how many of their units make a second; the first one is the usual one. `time` may
+/// hold numbers in seconds.
+const TIMES: [(&str, f64); 7] = [
+    ("time_s", 1.0),
+    ("time_ms", 1e-3),
+    ("time_us", 1e-6),
+    ("time_min", 60.0),
+    ("time", 1.0),
+    ("timestamp", 1.0),
+    ("datetime", 1.0),
+];
+/// Numbers above this are milliseconds since 1970, not seconds: as seconds they would lie beyond the year 5000.
+const EPOCH_MS: f64 = 1e11;
+/// At most this share of the rows may be unusable.
+const FAULTY: f64 = 0.1;
+/// Most places of the grid, for each reading: a record with more gaps is none.
+const SPARSE: usize = 20;
+/// What stands where there is no reading.
+const MISSING: [&str; 9] = ["", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a"];
+/// Numbers that stand where there is no reading.
+const MISSING_NUMBERS: [f64; 3] = [-9999.0, -99999.0, 9999.0];
 
-/// Reads all rows.
+/// A record, and what was left out of the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reading {
+    /// The record.
+    pub record: Record,
+    /// What is to be said of it, one phrase each.
+    pub notes: Vec<String>,
+}
+
+/// Rows in the order of the table.
+#[derive(Default)]
+struct Rows {
+    lines: Vec<usize>,
+    stamps: Vec<Stamp>,
+    channels: Vec<Vec<f64>>,
+    /// Cells that hold neither a number nor a sign for a missing one: how many, and the first one.
+    odd: (usize, Option<String>),
+    /// Rows whose time cannot be read, or whose cells are too few.
+    lost: (usize, Option<String>),
+}
+
+/// Reads all rows. `rate` (1/s) is how often the branch was read, if it is stated; then times only say which reading
+/// is which.
 ///
 /// # Errors
-/// A missing column, a cell that is no finite number, times that are not even; each names the line.
-pub fn read(mut table: Table) -> Result<Record> {
+/// A missing column, no readable row, times that are not even, repeat or go back; each names the line.
+pub fn read(mut table: Table, rate: Option<f64>) -> Result<Reading> {
     let path = table.source().to_path_buf();
-    let mut columns = vec![table.require("time_s")?, table.require("u_mm")?];
+    let (time, unit) = TIMES.into_iter().find(|(name, _)| table.column(name).is_some()).unwrap_or(TIMES[0]);
+    let mut columns = vec![table.require(time)?, table.require("u_mm")?];
     columns.extend(table.column("v_mm"));
-    let names = ["time_s", "u_mm", "v_mm"];
-    let mut times: Vec<f64> = Vec::new();
-    let mut channels: Vec<Vec<f64>> = vec![Vec::new(); columns.len() - 1];
+    let rows = rows(&mut table, &columns, time)?;
+    let n = rows.stamps.len();
+    if n == 0 {
+        let what = rows.lost.1.unwrap_or_else(|| "found no rows, expected deflections over time".into());
+        return Err(Error::input(&path, what));
+    }
+    for (count, first) in [&rows.odd, &rows.lost] {
+        if let Some(first) = first.as_ref().filter(|_| *count as f64 > FAULTY * (n + rows.lost.0) as f64) {
+            return Err(Error::input(&path, first));
+        }
+    }
+    let times = seconds(&rows, unit, &path, time)?;
+    // Written seconds: what is left after the largest whole number that all have in common.
+    let from: Vec<f64> = times.iter().map(|t| t - times[0]).collect();
+    let size =
+        rows.stamps.iter().map(|s| if let Stamp::Number(t) = s { t.abs() * unit } else { 0.0 }).fold(0.0, f64::max);
+    let coarse = resolution(&from, size).min(1.0);
+    let fault = |k: usize, what: String| Error::field(&path, &format!("line {}: {time}", rows.lines[k]), what);
+    let last = n - 1;
+    if !(from[last] > 0.0) && rate.is_none() {
+        return Err(fault(
+            last,
+            format!("found {}, expected times that rise from line {} on", rows.shown(last), rows.lines[0]),
+        ));
+    }
+    let grid = grid::find(&from, coarse, rate.map(|r| 1.0 / r)).map_err(|why| Error::field(&path, time, why))?;
+    let back: Vec<usize> = (0..n).filter(|k| grid.places[*k].is_none()).collect();
+    if back.len() as f64 > FAULTY * 0.1 * n as f64 && back.len() > 1 {
+        let k = back[0];
+        let what = format!("found {} after {}, expected a later time", rows.shown(k), rows.shown(k - 1));
+        return Err(fault(k, what));
+    }
+    if rate.is_none() && grid.uneven as f64 > FAULTY * 0.1 * n as f64 {
+        let (k, off) = grid.worst;
+        let what = format!(
+            "found {}, {off:.3} s off even steps of {:.6} s, as {} of {n} rows are; where the branch was read steadily \
+             and only the times are not, --rate HZ states how often",
+            rows.shown(k),
+            grid.step,
+            grid.uneven
+        );
+        return Err(fault(k, what));
+    }
+    let size = 1 + grid.places.iter().rev().find_map(|p| *p).unwrap_or(0);
+    if size > SPARSE * n {
+        let (k, gap) = longest(&grid, &from);
+        let what = format!(
+            "found a gap of {gap:.3} s; readings are {:.6} s apart: give the parts of the record one by one",
+            grid.step
+        );
+        return Err(fault(k, what));
+    }
+    let mut record =
+        Record { step: grid.step, channels: vec![vec![f64::NAN; size]; columns.len() - 1], lines: vec![0; size] };
+    for (k, place) in grid.places.iter().enumerate() {
+        if let Some(place) = place {
+            record.lines[*place] = rows.lines[k];
+            for (to, from) in record.channels.iter_mut().zip(&rows.channels) {
+                to[*place] = from[k];
+            }
+        }
+    }
+    let notes = notes(&rows, &grid, &back, &from, rate.is_some(), coarse, time);
+    Ok(Reading { record, notes })
+}
+
+/// What was left out.
+fn notes(
+    rows: &Rows,
+    grid: &grid::Grid,
+    back: &[usize],
+    times: &[f64],
+    stated: bool,
+    coarse: f64,
+    time: &str,
+) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut say = |count: usize, what: &str, first: String| {
+        if count > 0 {
+            let plural = if count == 1 { "" } else { "s" };
+            let (subject, rest) = what.split_once(' ').unwrap_or((what, ""));
+            let gap = if rest.is_empty() { "" } else { " " };
+            out.push(format!("{count} {subject}{plural}{gap}{rest} ({first})"));
+        }
+    };
+    let n = rows.stamps.len();
+    let size = 1 + grid.places.iter().rev().find_map(|p| *p).unwrap_or(0);
+    let missing = size - grid.places.iter().flatten().count();
+    let (k, gap) = longest(grid, times);
+    say(missing, "time without a row", format!("the longest gap, {gap:.3} s, ends on line {}", rows.lines[k]));
+    say(
+        back.len(),
+        "row whose time repeats or goes back",
+        back.first().map_or(String::new(), |k| {
+            format!(
+                "the first on line {}: {time} {} after {}",
+                rows.lines[*k],
+                rows.shown(*k),
+                rows.shown(k.saturating_sub(1))
+            )
+        }),
+    );
+    say(rows.lost.0, "row that cannot be read", rows.lost.1.clone().unwrap_or_default());
+    say(rows.odd.0, "cell that is no number", rows.odd.1.clone().unwrap_or_default());
+    let empty = |c: &Vec<f64>| c.iter().filter(|v| v.is_nan()).count();
+    let blank = rows.channels.iter().map(empty).sum::<usize>() - rows.odd.0;
+    let first = (0..n).find(|k| rows.channels.iter().any(|c| c[*k].is_nan())).map_or(0, |k| rows.lines[k]);
+    say(blank, "cell without a reading", format!("the first on line {first}"));
+    // Rounded times say less than the rows' order, unless the step is a whole number of theirs.
+    let steps = grid.step / coarse;
+    if !stated && steps < 20.0 && (steps - steps.round()).abs() > 1e-3 * steps {
+        out.push(format!("a step of {:.6} s found from times written to {coarse} s", grid.step));
+    }
+    out
+}
+
+/// The row after the longest gap, and the gap's length (s).
+fn longest(grid: &grid::Grid, times: &[f64]) -> (usize, f64) {
+    let mut best = (0, 0.0);
+    let mut before: Option<(usize, usize)> = None;
+    let mut most = 0;
+    for (k, place) in grid.places.iter().enumerate() {
+        let Some(place) = place else { continue };
+        if let Some((at, row)) = before
+            && place - at > most
+        {
+            most = place - at;
+            best = (k, times[k] - times[row]);
+        }
+        before = Some((*place, k));
+    }
+    best
+}
+
+fn rows(table: &mut Table, columns: &[usize], time: &str) -> Result<Rows> {
+    let names = [time, "u_mm", "v_mm"];
+    let mut out = Rows { channels: vec![Vec::new(); columns.len() - 1], ..Rows::default() };
     let (mut row, mut line) = (table::Record::default(), 1);
     while table.next_record(&mut row)? {
         line += 1;
+        let mut lose = |what: String| {
+            out.lost.0 += 1;
+            out.lost.1.get_or_insert(what);
+        };
         if let Some(fault) = row.fault(table.header.len()) {
-            return Err(Error::input(&path, format!("line {line}: {fault}")));
+            lose(format!("line {line}: {fault}"));
+            continue;
         }
-        for (k, column) in columns.iter().enumerate() {
+        let text = row.shown(columns[0]);
+        let Some(stamp) = clock::parse(&text) else {
+            lose(format!("line {line}: {time}: found {text:?}, expected seconds, h:m:s or a date with a time"));
+            continue;
+        };
+        out.lines.push(line);
+        out.stamps.push(stamp);
+        for (k, column) in columns.iter().enumerate().skip(1) {
             let text = row.shown(*column);
-            let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-            let value = value.ok_or_else(|| {
-                let field = format!("line {line}: {}", names[k]);
-                Error::unexpected(&path, &field, format!("{text:?}"), "a finite number")
-            })?;
-            if k == 0 { times.push(value) } else { channels[k - 1].push(value) }
+            let value = number(&text);
+            if value.is_none() {
+                out.odd.0 += 1;
+                out.odd.1.get_or_insert(format!("line {line}: {}: found {text:?}, expected a finite number", names[k]));
+            }
+            out.channels[k - 1].push(value.unwrap_or(f64::NAN));
         }
     }
-    let n = times.len();
-    let (Some(first), Some(last)) = (times.first(), times.last()) else {
-        return Err(Error::input(&path, "found no rows, expected deflections over time"));
+    Ok(out)
+}
+
+/// A reading; NaN where it is missing, `None` where the cell holds something else.
+fn number(text: &str) -> Option<f64> {
+    let text = text.trim();
+    if MISSING.contains(&text.to_ascii_lowercase().as_str()) {
+        return Some(f64::NAN);
+    }
+    let value = text.parse::<f64>().ok().filter(|v| v.is_finite())?;
+    Some(if MISSING_NUMBERS.contains(&value) { f64::NAN } else { value })
+}
+
+impl Rows {
+    /// A time for a message.
+    fn shown(&self, k: usize) -> String {
+        match self.stamps[k] {
+            Stamp::Number(t) => t.to_string(),
+            Stamp::OfDay(t) => {
+                format!("{:02.0}:{:02.0}:{:06.3}", (t / 3600.0).floor(), (t / 60.0).floor() % 60.0, t % 60.0)
+            }
+            Stamp::Dated(..) => format!("{:.3} s after the first", self.stamps[k].after(&self.stamps[0], 1.0)),
+        }
+    }
+}
+
+/// Times in seconds. Times of day go on after midnight.
+fn seconds(rows: &Rows, unit: f64, path: &Path, time: &str) -> Result<Vec<f64>> {
+    let same = |a: &Stamp, b: &Stamp| std::mem::discriminant(a) == std::mem::discriminant(b);
+    if let Some(k) = rows.stamps.iter().position(|s| !same(s, &rows.stamps[0])) {
+        let field = format!("line {}: {time}", rows.lines[k]);
+        return Err(Error::field(
+            path,
+            &field,
+            "found a time in another form than in the first row; expected one form",
+        ));
+    }
+    let mut days = 0.0;
+    let mut before = f64::NEG_INFINITY;
+    let one = |stamp: &Stamp| match *stamp {
+        Stamp::Number(t) if t.abs() > EPOCH_MS && unit == 1.0 => stamp.after(&rows.stamps[0], 1e-3),
+        Stamp::Number(_) | Stamp::Dated(..) => stamp.after(&rows.stamps[0], unit),
+        Stamp::OfDay(t) => {
+            if before - t > 0.5 * clock::DAY {
+                days += 1.0;
+            }
+            before = t;
+            t + days * clock::DAY
+        }
     };
-    let step = (last - first) / (n.max(2) - 1) as f64;
-    if !(step > 0.0) {
-        return Err(Error::field(&path, "time_s", "found times that do not rise, expected even steps"));
-    }
-    let off = times.iter().enumerate().find(|(k, t)| (*t - first - *k as f64 * step).abs() > EVEN * step);
-    if let Some((k, t)) = off {
-        let field = format!("line {}: time_s", k + 2);
-        return Err(Error::unexpected(&path, &field, t, format!("{}: steps of {step} s", first + k as f64 * step)));
-    }
-    Ok(Record { step, channels })
+    Ok(rows.stamps.iter().map(one).collect())
 }

@@ -1,12 +1,13 @@
-//! The mean of a periodogram, and the fit to one.
+//! The mean of a periodogram of a motion in gusts, and the fit to one.
 
 use super::Known;
+use super::spectra::Spectra;
 use mesophyll_fourier::{Complex, Transform};
-use mesophyll_plant::wind::Oscillator;
 use mesophyll_solve::{Closure, Options, lm};
-use nalgebra::DMatrix;
+use std::f64::consts::PI;
 
-/// ln f_h, ln γ, ln G of every channel, and 1/v where the wind's speed is fitted.
+/// ln f_h, ln γ, ln G of every channel, 1/v where the wind's speed is fitted, and ln of the drift's density at the
+/// lowest frequency of the band for every channel where drift is fitted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameters(pub Vec<f64>);
 
@@ -25,135 +26,296 @@ impl Parameters {
     pub fn gain(&self, channel: usize) -> f64 {
         self.0[2 + channel].exp()
     }
-
-    /// 1/v (s/m).
-    pub fn slowness(&self, known: &Known) -> f64 {
-        known.speed.map_or_else(|| self.0.last().copied().unwrap_or(0.0), |v| 1.0 / v)
-    }
 }
 
-/// How often frequencies above the highest one that the step resolves are folded back. Frequencies further up
-/// contribute less than .2 % of the rest.
+/// How often frequencies above the highest one that the step resolves are folded back, where the resonance is below
+/// it. Frequencies further up contribute less than .2 % of the rest.
 const FOLDS: i32 = 1;
-/// Step of differences in a parameter.
-const DIFFERENCE: f64 = 1e-5;
+/// The same for resonances up to three times that frequency.
+const ALIAS_FOLDS: i32 = 3;
+/// Drift begins with a density this far below that of the motion.
+const LITTLE_DRIFT: f64 = 1e-3;
 
-/// The mean of the periodogram of a record.
-pub struct Expected {
-    readings: usize,
-    step: f64,
-    known: Known,
-    low: usize,
-    high: usize,
+/// The mean of the periodograms of a record, as far as the band goes.
+pub struct Expected<'a> {
+    pub(super) spectra: &'a Spectra,
+    pub(super) known: Known,
+    /// First and last frequency that are used, in units of 1/T.
+    pub band: (usize, usize),
+    folds: i32,
+    /// Bounds of the resonance (Hz).
+    bounds: (f64, f64),
+    /// Mean periodogram of drift over the band for every window, 1 at the band's beginning; empty where none is
+    /// fitted.
+    pub(super) drift: Vec<Vec<f64>>,
     /// Points of the grid on which the power density is given.
     grid: usize,
     inverse: Transform,
     forward: Transform,
 }
 
-impl Expected {
-    /// For `readings` readings with the interval `step` (s), at the frequencies k/T for k in `band`, both ends
-    /// included.
-    pub fn new(readings: usize, step: f64, known: &Known, band: (usize, usize)) -> Expected {
-        let grid = (2 * readings).next_power_of_two();
-        Expected {
-            readings,
-            step,
+impl<'a> Expected<'a> {
+    /// At the frequencies k/T for k in `band`, both ends included. With `drift`, every channel has a part ∝ 1/f² beside
+    /// the swaying: the density of a random walk, and how steps and trends leak.
+    pub fn new(spectra: &'a Spectra, known: &Known, band: (usize, usize), drift: bool) -> Expected<'a> {
+        let grid = (2 * spectra.readings).next_power_of_two();
+        let mut out = Expected {
+            spectra,
             known: *known,
-            low: band.0,
-            high: band.1,
+            band,
+            folds: FOLDS,
+            // A resonance beyond these leaves nothing in the band but a slope.
+            bounds: (0.1 * spectra.resolution(), 1.0 / spectra.step),
+            drift: Vec::new(),
             grid,
             inverse: mesophyll_fourier::inverse(grid),
-            forward: mesophyll_fourier::forward(readings),
-        }
-    }
-
-    /// Frequencies used, in all channels.
-    pub fn bins(&self, channels: usize) -> usize {
-        (self.high + 1 - self.low) * channels
-    }
-
-    /// The number of channels that the parameters have a gain for.
-    pub fn channels(&self, p: &Parameters) -> usize {
-        p.0.len() - 2 - usize::from(self.known.speed.is_none())
-    }
-
-    /// One-sided density by frequency (Hz) for a gain of 1.
-    fn density(&self, p: &Parameters) -> impl Fn(f64) -> f64 {
-        let oscillator = Oscillator { resonance: p.resonance(), damping: p.damping() };
-        let slowness = p.slowness(&self.known);
-        move |f| {
-            let gusts = 1.0 + f * slowness;
-            let third = gusts.cbrt();
-            let response = oscillator.response(f);
-            response * response / (gusts * third * third)
-        }
-    }
-
-    /// One-sided mean of the periodogram over the band for a gain of 1 and no noise.
-    pub fn mean(&self, p: &Parameters) -> Vec<f64> {
-        let rate = 1.0 / self.step;
-        let half = self.grid / 2;
-        let density = self.density(p);
-        let mut line = vec![Complex::new(0.0, 0.0); self.grid];
-        for k in 0..=half {
-            let f = k as f64 * rate / self.grid as f64;
-            let folded: f64 = (-FOLDS..=FOLDS).map(|m| density((f + f64::from(m) * rate).abs())).sum::<f64>() * 0.5;
-            line[k] = Complex::new(folded, 0.0);
-            line[(self.grid - k) % self.grid] = line[k];
-        }
-        self.inverse.process(&mut line);
-        // The autocovariance, weighted by the number of pairs of readings with this distance.
-        let n = self.readings;
-        let scale = rate / self.grid as f64;
-        let zero = line[0].re * scale;
-        let mut weighted: Vec<Complex<f64>> =
-            (0..n).map(|j| Complex::new((1.0 - j as f64 / n as f64) * line[j].re * scale, 0.0)).collect();
-        self.forward.process(&mut weighted);
-        (self.low..=self.high).map(|k| 2.0 * self.step * (2.0 * weighted[k].re - zero)).collect()
-    }
-
-    /// Density of the readings' noise.
-    fn floor(&self) -> f64 {
-        2.0 * self.step * self.known.noise * self.known.noise
-    }
-
-    /// Parameters to begin with.
-    pub fn start(&self, periodograms: &[Vec<f64>], resonance: f64, ratio: f64) -> Parameters {
-        let mut p = vec![resonance.ln(), (ratio * 4.0 * std::f64::consts::PI * resonance).ln()];
-        p.extend(periodograms.iter().map(|_| 0.0));
-        if self.known.speed.is_none() {
-            p.push(0.2);
-        }
-        let mut out = Parameters(p);
-        let mean: f64 = self.mean(&out).iter().sum();
-        for (c, i) in periodograms.iter().enumerate() {
-            let measured: f64 = i[self.low..=self.high].iter().sum();
-            out.0[2 + c] = 0.5 * (measured / mean).ln();
+            forward: mesophyll_fourier::forward(spectra.readings),
+        };
+        if drift {
+            // What is slower than the trend that was taken out is no longer there.
+            let slowest = (PI * spectra.step * spectra.resolution() * 0.5 * (spectra.degree + 1) as f64).sin().powi(2);
+            let walk = |f: f64| 1.0 / ((PI * f * spectra.step).sin().powi(2) + slowest);
+            let covariances = out.autocovariances(|f| [walk(f), 0.0], 0);
+            let shape = |w: usize| out.leaked(&covariances, w).into_iter().next().unwrap_or_default();
+            out.drift = (0..spectra.windows.len()).map(shape).collect();
+            for shape in &mut out.drift {
+                let first = shape[0];
+                shape.iter_mut().for_each(|v| *v = (*v / first).max(f64::MIN_POSITIVE));
+            }
         }
         out
     }
 
-    /// Whittle's estimate, and half the sum of squares there; `None` where the solver finds none.
-    pub fn fit(&self, periodograms: &[Vec<f64>], start: &Parameters) -> Option<(Parameters, f64)> {
-        let width = self.high + 1 - self.low;
+    /// The same for resonances from half the sampling rate up to one and a half times the rate.
+    pub fn aliased(mut self) -> Expected<'a> {
+        let rate = 1.0 / self.spectra.step;
+        self.folds = ALIAS_FOLDS;
+        self.bounds = (0.5 * rate, 1.5 * rate);
+        self
+    }
+
+    /// Frequencies used, in all channels.
+    pub fn bins(&self) -> usize {
+        (self.band.1 + 1 - self.band.0) * self.channels()
+    }
+
+    /// The number of channels.
+    pub fn channels(&self) -> usize {
+        self.spectra.powers.len()
+    }
+
+    pub(super) fn fitted_speed(&self) -> bool {
+        self.known.speed.is_none()
+    }
+
+    /// Position of the drift's parameters.
+    pub(super) fn drifts(&self) -> usize {
+        2 + self.channels() + usize::from(self.fitted_speed())
+    }
+
+    /// 1/v (s/m).
+    pub fn slowness(&self, p: &Parameters) -> f64 {
+        self.known.speed.map_or_else(|| p.0[2 + self.channels()], |v| 1.0 / v)
+    }
+
+    /// One-sided density by frequency (Hz) for a gain of 1, and its derivatives by ln f_h, ln γ and 1/v:
+    /// [`Oscillator::response`] squared times the gusts' share, in a form that is quickly computed.
+    ///
+    /// [`Oscillator::response`]: mesophyll_plant::wind::Oscillator::response
+    fn density(&self, p: &Parameters) -> impl Fn(f64) -> [f64; 4] {
+        let (square, damping) = (p.resonance().powi(2), p.damping());
+        let slowness = self.slowness(p);
+        let top = (2.0 * PI * square).powi(2);
+        move |f| {
+            let off = 2.0 * PI * (square - f * f);
+            let damped = (f * damping).powi(2);
+            let bottom = off * off + damped;
+            let gusts = 1.0 + f * slowness;
+            let third = gusts.cbrt();
+            let value = top / (bottom * gusts * third * third);
+            [
+                value,
+                value * (4.0 - 8.0 * PI * square * off / bottom),
+                value * (-2.0 * damped / bottom),
+                value * (-5.0 / 3.0 * f / gusts),
+            ]
+        }
+    }
+
+    /// Autocovariances, for distances of 0, 1, 2 … steps, of readings with two one-sided densities.
+    fn autocovariances(&self, densities: impl Fn(f64) -> [f64; 2], folds: i32) -> [Vec<f64>; 2] {
+        let rate = 1.0 / self.spectra.step;
+        let half = self.grid / 2;
+        let mut line = vec![Complex::new(0.0, 0.0); self.grid];
+        for k in 0..=half {
+            let f = k as f64 * rate / self.grid as f64;
+            let mut folded = Complex::new(0.0, 0.0);
+            for m in -folds..=folds {
+                let [a, b] = densities((f + f64::from(m) * rate).abs());
+                folded += Complex::new(a, b);
+            }
+            line[k] = 0.5 * folded;
+            line[(self.grid - k) % self.grid] = line[k];
+        }
+        // Both are even, so their transforms are real and stay apart.
+        self.inverse.process(&mut line);
+        let scale = rate / self.grid as f64;
+        line.truncate(self.spectra.readings);
+        [line.iter().map(|c| c.re * scale).collect(), line.iter().map(|c| c.im * scale).collect()]
+    }
+
+    /// One-sided means of the periodogram over the band of readings with these autocovariances: each is weighted by the
+    /// share of pairs of readings that have each distance.
+    fn leaked(&self, covariances: &[Vec<f64>; 2], window: usize) -> [Vec<f64>; 2] {
+        let lags = &self.spectra.windows[window];
+        let [a, b] = covariances;
+        let mut weighted: Vec<Complex<f64>> =
+            lags.iter().zip(a.iter().zip(b)).map(|(w, (a, b))| Complex::new(a * w, b * w)).collect();
+        self.forward.process(&mut weighted);
+        let n = weighted.len();
+        let sum = |k: usize| weighted[k] + weighted[n - k];
+        let range = self.band.0..=self.band.1;
+        let step = 2.0 * self.spectra.step;
+        [range.clone().map(|k| step * (sum(k).re - a[0])).collect(), range.map(|k| step * (sum(k).im - b[0])).collect()]
+    }
+
+    /// Mean of the periodogram over the band for a gain of 1, without noise and drift, for every window.
+    pub fn mean(&self, p: &Parameters) -> Vec<Vec<f64>> {
+        let density = self.density(p);
+        let covariances = self.autocovariances(|f| [density(f)[0], 0.0], self.folds);
+        (0..self.spectra.windows.len())
+            .map(|w| self.leaked(&covariances, w).into_iter().next().unwrap_or_default())
+            .collect()
+    }
+
+    /// The same, and its derivatives by ln f_h, ln γ and 1/v.
+    fn slopes(&self, p: &Parameters) -> Vec<[Vec<f64>; 4]> {
+        let density = self.density(p);
+        let pair = |a: usize, b: usize| {
+            let both = |f: f64| {
+                let all = density(f);
+                [all[a], all[b]]
+            };
+            self.autocovariances(both, self.folds)
+        };
+        let (first, second) = (pair(0, 1), pair(2, 3));
+        let one = |w: usize| {
+            let ([a, b], [c, d]) = (self.leaked(&first, w), self.leaked(&second, w));
+            [a, b, c, d]
+        };
+        (0..self.spectra.windows.len()).map(one).collect()
+    }
+
+    /// Density of the drift of a channel at the k-th frequency of the band.
+    fn drift(&self, p: &Parameters, channel: usize, k: usize) -> f64 {
+        let Some(shape) = self.drift.get(self.spectra.window_of[channel]) else { return 0.0 };
+        p.0[self.drifts() + channel].exp() * shape[k]
+    }
+
+    /// Mean of the periodogram over the band, channel after channel.
+    pub fn whole(&self, p: &Parameters) -> Vec<f64> {
+        self.sum(p, &self.mean(p))
+    }
+
+    fn sum(&self, p: &Parameters, mean: &[Vec<f64>]) -> Vec<f64> {
+        let one = |c: usize| {
+            let (power, mean) = (p.gain(c).powi(2), &mean[self.spectra.window_of[c]]);
+            mean.iter().enumerate().map(move |(k, e)| power * e + self.drift(p, c, k) + self.spectra.floor)
+        };
+        (0..self.channels()).flat_map(one).collect()
+    }
+
+    /// The periodograms over the band, channel after channel.
+    pub fn measured(&self) -> Vec<f64> {
+        self.spectra.powers.iter().flat_map(|p| p[self.band.0..=self.band.1].iter().copied()).collect()
+    }
+
+    /// Drift over swaying at every frequency of the band, the larger one of the channels.
+    pub fn drift_share(&self, p: &Parameters) -> Vec<f64> {
+        let mean = self.mean(p);
+        let width = self.band.1 + 1 - self.band.0;
+        let share = |c: usize, k: usize| {
+            self.drift(p, c, k) / (p.gain(c).powi(2) * mean[self.spectra.window_of[c]][k] + self.spectra.floor)
+        };
+        (0..width).map(|k| (0..self.channels()).map(|c| share(c, k)).fold(0.0, f64::max)).collect()
+    }
+
+    /// Parameters to begin with, for a resonance (Hz) and a share of the critical damping.
+    pub fn start(&self, resonance: f64, ratio: f64) -> Parameters {
+        let mut p = vec![resonance.ln(), (ratio * 4.0 * PI * resonance).ln()];
+        p.extend((0..self.channels()).map(|_| 0.0));
+        if self.fitted_speed() {
+            p.push(0.2);
+        }
+        let mut out = Parameters(p);
+        let mean = self.mean(&out);
+        for c in 0..self.channels() {
+            let range = self.band.0..=self.band.1;
+            let expected = &mean[self.spectra.window_of[c]];
+            // Frequencies around the resonance tell its size even where drift is larger below.
+            let near = |k: usize| (0.5..1.5).contains(&(k as f64 * self.spectra.resolution() / resonance));
+            let some = range.clone().any(near);
+            let (mut measured, mut whole) = (0.0, 0.0);
+            for k in range.filter(|k| !some || near(*k)) {
+                measured += self.spectra.powers[c][k];
+                whole += expected[k - self.band.0];
+            }
+            out.0[2 + c] = 0.5 * (measured / whole).ln();
+        }
+        self.with_drift(&out)
+    }
+
+    /// The same parameters with a little drift, where drift is fitted and they have none.
+    pub fn with_drift(&self, p: &Parameters) -> Parameters {
+        let mut out = p.clone();
+        out.0.truncate(self.drifts());
+        if !self.drift.is_empty() {
+            let mean = self.mean(&out);
+            let some = |c: usize| {
+                let measured = self.spectra.powers[c][self.band.0] * LITTLE_DRIFT;
+                (measured + LITTLE_DRIFT * p.gain(c).powi(2) * mean[self.spectra.window_of[c]][0]).ln()
+            };
+            let all: Vec<f64> = (0..self.channels()).map(some).collect();
+            out.0.extend(all);
+        }
+        out
+    }
+
+    /// Whittle's estimate, and half the sum of squares there: the log-likelihood below that of a periodogram that is
+    /// its own mean. `None` where the solver finds none.
+    pub fn fit(&self, start: &Parameters) -> Option<(Parameters, f64)> {
+        let measured = self.measured();
         let residuals = |params: &[f64], out: &mut [f64]| {
+            let whole = self.whole(&Parameters(params.to_vec()));
+            for ((out, i), e) in out.iter_mut().zip(&measured).zip(&whole) {
+                *out = deviance(i / e);
+            }
+        };
+        let jacobian = |params: &[f64], out: &mut [f64]| {
             let p = Parameters(params.to_vec());
-            let mean = self.mean(&p);
-            for (c, i) in periodograms.iter().enumerate() {
-                let power = p.gain(c).powi(2);
-                for (k, e) in mean.iter().enumerate() {
-                    out[c * width + k] = deviance(i[self.low + k] / (power * e + self.floor()));
+            let whole = self.whole(&p);
+            for (column, out) in self.derivatives(&p).iter().zip(out.chunks_mut(measured.len())) {
+                for (k, (out, slope)) in out.iter_mut().zip(column).enumerate() {
+                    let rho = measured[k] / whole[k];
+                    let r = deviance(rho);
+                    // d√(2(ρ − 1 − ln ρ)) = (ρ − 1)/r d ln ρ, which is 1 + (ρ − 1)/3 … around ρ = 1.
+                    let factor = if (rho - 1.0).abs() < 1e-4 { 1.0 + (rho - 1.0) / 3.0 } else { (rho - 1.0) / r };
+                    *out = -factor * slope;
                 }
             }
         };
-        let problem = Closure::new(start.0.len(), width * periodograms.len(), residuals);
-        // The wind cannot blow backwards: below 0 the density has a pole.
+        let problem = Closure::new(start.0.len(), measured.len(), residuals).with_jacobian(jacobian);
         let mut lower = vec![f64::NEG_INFINITY; start.0.len()];
-        if let (None, Some(slowness)) = (self.known.speed, lower.last_mut()) {
-            *slowness = 0.0;
+        let mut upper = vec![f64::INFINITY; start.0.len()];
+        (lower[0], upper[0]) = (self.bounds.0.ln(), self.bounds.1.ln());
+        // The wind cannot blow backwards: below 0 the density has a pole.
+        if self.fitted_speed() {
+            lower[2 + self.channels()] = 0.0;
         }
-        let upper = vec![f64::INFINITY; start.0.len()];
+        // Drift that is a billionth of what was measured is none.
+        for c in 0..self.channels() * usize::from(!self.drift.is_empty()) {
+            lower[self.drifts() + c] = start.0[self.drifts() + c] - 30.0;
+        }
         // A tenth of a millionth of a standard error is precise enough.
         let options = Options {
             max_iterations: 200,
@@ -168,32 +330,36 @@ impl Expected {
         usable.then_some((Parameters(found.params), found.cost))
     }
 
-    /// Covariance of the parameters: the inverse of Fisher's information; `None` where it cannot be inverted.
-    pub fn covariance(&self, p: &Parameters) -> Option<DMatrix<f64>> {
-        let n = p.0.len();
-        let channels = self.channels(p);
-        let shape = |p: &Parameters| -> Vec<f64> {
-            let mean = self.mean(p);
-            (0..channels)
-                .flat_map(|c| mean.iter().map(move |e| (c, *e)))
-                .map(|(c, e)| (p.gain(c).powi(2) * e + self.floor()).ln())
-                .collect()
+    /// ∂ln E/∂p for every parameter, over the band, channel after channel.
+    pub fn derivatives(&self, p: &Parameters) -> Vec<Vec<f64>> {
+        let slopes = self.slopes(p);
+        let width = self.band.1 + 1 - self.band.0;
+        let values: Vec<Vec<f64>> = slopes.iter().map(|s| s[0].clone()).collect();
+        let whole = self.sum(p, &values);
+        let shared = |which: usize| -> Vec<f64> {
+            let at = |k: usize| {
+                let (c, k) = (k / width, k % width);
+                p.gain(c).powi(2) * slopes[self.spectra.window_of[c]][which][k]
+            };
+            (0..whole.len()).map(|k| at(k) / whole[k]).collect()
         };
-        let columns: Vec<Vec<f64>> = (0..n)
-            .map(|k| {
-                let at = |sign: f64| {
-                    let mut moved = p.clone();
-                    // The density continues smoothly to slownesses this little below 0.
-                    moved.0[k] += sign * DIFFERENCE;
-                    shape(&moved)
-                };
-                at(1.0).iter().zip(&at(-1.0)).map(|(a, b)| (a - b) / (2.0 * DIFFERENCE)).collect()
-            })
-            .collect();
-        let information =
-            DMatrix::from_fn(n, n, |i, j| columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum::<f64>());
-        let inverse = information.try_inverse()?;
-        (0..n).all(|k| inverse[(k, k)] > 0.0 && inverse[(k, k)].is_finite()).then_some(inverse)
+        let one = |channel: usize, value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let at = |k: usize| if k / width == channel { value(k % width) / whole[k] } else { 0.0 };
+            (0..whole.len()).map(at).collect()
+        };
+        let channels = 0..self.channels();
+        let mut out = vec![shared(1), shared(2)];
+        out.extend(channels.clone().map(|c| {
+            let (power, mean) = (p.gain(c).powi(2), &values[self.spectra.window_of[c]]);
+            one(c, &|k| 2.0 * power * mean[k])
+        }));
+        if self.fitted_speed() {
+            out.push(shared(3));
+        }
+        if !self.drift.is_empty() {
+            out.extend(channels.map(|c| one(c, &|k| self.drift(p, c, k))));
+        }
+        out
     }
 }
 

@@ -97,7 +97,7 @@ pub fn leaves(p: &Place) -> Result<()> {
                 return Err(p.error(HEADER, i, "index", format!("missing; the {} lobe needs one", leaf.lobe)));
             }
             (false, Some(_)) => {
-                return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one"));
+                return Err(p.error(HEADER, i, "index", format!("given, but the {} lobe has none", leaf.lobe)));
             }
             (false, None) => {}
         }

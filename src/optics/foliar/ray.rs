@@ -36,7 +36,8 @@ pub fn follow(leaf: &Leaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> 
         }
         let (n1, n2) = (index(leaf, here), index(leaf, next));
         let ratio = n1 / n2;
-        let square = 1.0 - ratio * ratio * (1.0 - mu * mu);
+        // In the form 1 − ratio² (1 − μ²) a small μ would lose its digits.
+        let square = (1.0 - ratio) * (1.0 + ratio) + ratio * ratio * mu * mu;
         let reflected = if square <= 0.0 { 1.0 } else { fresnel(n1, mu, n2, square.sqrt()) };
         let mirrored = random() < reflected;
         let tissue = match (down, mirrored) {

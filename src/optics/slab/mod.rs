@@ -7,7 +7,8 @@
 //! e^(−Δ). Units: σ in 1/mm, thickness in mm. Any ω in [0, 1] and any Δ ≥ 0 are allowed.
 //!
 //! Three ways lead from σ to ρ: [`response`] is fast (relative error 1e-6), [`exact`] gives nine digits, and
-//! [`fn_method`] is the paper's own method. [`inverse`] leads from ρ back to σ.
+//! [`fn_method`] is the paper's own method. [`inverse`] leads from ρ back to σ. [`faces`] is the slab of another index
+//! than its surroundings, whose faces reflect.
 
 // Matrices and pairs are indexed as the formulas index them; a negated comparison is how NaN is kept out.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
@@ -16,8 +17,10 @@ pub mod chebyshev;
 pub mod curve;
 pub mod exact;
 pub mod expint;
+pub mod faces;
 pub mod fn_method;
 pub mod inverse;
+pub mod mirror;
 pub mod ordinates;
 pub mod quadrature;
 mod roots;

@@ -55,22 +55,17 @@ impl<const N: usize> Ordinates<N> {
     }
 }
 
-/// The modes e^(−kτ) of one single-scattering albedo, and the coefficients of one boundary.
-pub struct Modes<const N: usize> {
+/// The decay constants of one single-scattering albedo: S ∝ e^(±kτ) solves the equation of transfer at these ordinates.
+pub(super) struct Eigen<const N: usize> {
     /// In ascending order; k[0] may be 0.
-    k: [f64; N],
-    /// Π_i(1−k_αμ_i) / Π_{β≠α,0}(1−k_α/k_β): the half space's amplitudes, without the factor of mode 0
-    a: [f64; N],
-    /// Π_{γ≠0}(1+k_β/k_γ) / Π_i(1+k_βμ_i)
-    b: [f64; N],
-    /// −ln M₀₀/k₀ − Δ: twice the extrapolated distance
-    extrapolation: f64,
+    pub k: [f64; N],
+    /// 1 − k_α²μ_i², without cancellation: `d[α][i]`.
+    pub d: [[f64; N]; N],
 }
 
-impl<const N: usize> Modes<N> {
-    /// Modes of albedo `omega` > 0. `absorbed` = 1 − omega is passed separately so that it keeps its digits.
-    fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> Modes<N> {
-        // d[α][i] = 1 − k_α²μ_i²
+impl<const N: usize> Eigen<N> {
+    /// For the albedo `omega` > 0. `absorbed` = 1 − omega is passed separately so that it keeps its digits.
+    pub fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> Eigen<N> {
         let mut d = [[0.0; N]; N];
         let mut k = [0.0; N];
         for j in 0..N {
@@ -93,6 +88,26 @@ impl<const N: usize> Modes<N> {
                 }
             }
         }
+        Eigen { k, d }
+    }
+}
+
+/// The modes e^(−kτ) of one single-scattering albedo, and the coefficients of one boundary.
+pub struct Modes<const N: usize> {
+    /// In ascending order; k[0] may be 0.
+    k: [f64; N],
+    /// Π_i(1−k_αμ_i) / Π_{β≠α,0}(1−k_α/k_β): the half space's amplitudes, without the factor of mode 0
+    a: [f64; N],
+    /// Π_{γ≠0}(1+k_β/k_γ) / Π_i(1+k_βμ_i)
+    b: [f64; N],
+    /// −ln M₀₀/k₀ − Δ: twice the extrapolated distance
+    extrapolation: f64,
+}
+
+impl<const N: usize> Modes<N> {
+    /// Modes of albedo `omega` > 0. `absorbed` = 1 − omega is passed separately so that it keeps its digits.
+    fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> Modes<N> {
+        let Eigen { k, d } = Eigen::new(o, omega, absorbed);
         let (mut a, mut b) = ([0.0; N], [0.0; N]);
         let inverse_k: [f64; N] = std::array::from_fn(|i| if i == 0 { 0.0 } else { 1.0 / k[i] });
         let inverse_pole: [f64; N] = std::array::from_fn(|i| if i == 0 { 0.0 } else { 1.0 / (1.0 - d[i][i]) });
@@ -241,19 +256,19 @@ impl<const N: usize> Modes<N> {
 }
 
 /// ∫₀^Δ e^(−kτ) c e^(−cτ) dτ.
-fn near_exit(k: f64, delta: f64, c: f64) -> f64 {
+pub(super) fn near_exit(k: f64, delta: f64, c: f64) -> f64 {
     -c * (-(k + c) * delta).exp_m1() / (k + c)
 }
 
 /// e^(slow Δ) ∫₀^Δ e^(−k(Δ−τ)) c e^(−cτ) dτ, slow ≤ k and ≤ c.
-fn far_exit(k: f64, delta: f64, c: f64, slow: f64) -> f64 {
+pub(super) fn far_exit(k: f64, delta: f64, c: f64, slow: f64) -> f64 {
     let gap = (c - k).abs();
     let decay = (-(c.min(k) - slow) * delta).exp();
     if gap * delta < 1e-300 { c * delta * decay } else { -c * decay * (-gap * delta).exp_m1() / gap }
 }
 
 /// (near − far)/k for the mode whose k may be 0.
-fn odd_exit(k: f64, delta: f64, c: f64) -> f64 {
+pub(super) fn odd_exit(k: f64, delta: f64, c: f64) -> f64 {
     if k > 0.5 * c.min(1.0) {
         return (near_exit(k, delta, c) - far_exit(k, delta, c, 0.0)) / k;
     }

@@ -1,5 +1,7 @@
 //! ρd and ρt from ω and Δ by a named method, and whether the inputs make a slab: one row of what `eval slab` prints.
 
+use super::faces::Faces;
+use super::inverse::Model;
 use super::{Response, exact, fn_method};
 use mesophyll_error::Status;
 
@@ -36,41 +38,76 @@ const FN_SETTLED: f64 = 1e-3;
 /// Numbers smaller than this are stored with fewer digits than an answer promises.
 const SMALLEST: f64 = 1e-300;
 
-/// ρd and ρt of a slab of single-scattering albedo `omega` (0 to 1) and optical thickness `delta` ≥ 0, for a beam of
-/// cosine `mu0` ([`Method::Exact`] only), and the status. `one_minus_omega` is NaN where only ω is known; near ω = 1 it
-/// carries the digits. ρd and ρt are NaN where the status is [`Status::Refused`].
-pub fn evaluate(method: Method, mu0: f64, omega: f64, delta: f64, one_minus_omega: f64) -> (Response, Status) {
-    let refused = |why: String| (Response { rho_d: f64::NAN, rho_t: f64::NAN }, Status::Refused(why));
+/// How slabs are computed: the method, the cosine of the beam (below 1 with [`Method::Exact`] only), and the slab's
+/// index (above 1 not with [`Method::Fn`]).
+pub struct Evaluator {
+    method: Method,
+    mu0: f64,
+    faces: Option<Reflecting>,
+}
+
+/// A slab with reflecting faces, from a table or exactly.
+enum Reflecting {
+    Table(Box<Model>),
+    Exact(Box<Faces>),
+}
+
+impl Evaluator {
+    /// For slabs of `index` ≥ 1 in air. At index 1 the faces reflect nothing.
+    pub fn new(method: Method, mu0: f64, index: f64) -> Evaluator {
+        let faces = (index != 1.0).then(|| match method {
+            Method::Fast => Reflecting::Table(Box::new(Model::of_index(index))),
+            Method::Exact | Method::Fn => Reflecting::Exact(Box::new(Faces::new(index, mu0))),
+        });
+        Evaluator { method, mu0, faces }
+    }
+
+    /// ρd and ρt of a slab of single-scattering albedo `omega` (0 to 1) and optical thickness `delta` ≥ 0, and the
+    /// status. `one_minus_omega` is NaN where only ω is known; near ω = 1 it carries the digits. ρd and ρt are NaN where
+    /// the status is [`Status::Refused`].
+    pub fn evaluate(&self, omega: f64, delta: f64, one_minus_omega: f64) -> (Response, Status) {
+        let (omega, absorbed) = match albedo(omega, delta, one_minus_omega) {
+            Ok(both) => both,
+            Err(why) => return (Response::UNKNOWN, Status::Refused(why)),
+        };
+        match (&self.faces, self.method) {
+            (Some(Reflecting::Table(model)), _) => (model.response(omega, absorbed, delta), Status::Ok),
+            (Some(Reflecting::Exact(faces)), _) => (faces.shares(omega, absorbed, delta).response(), Status::Ok),
+            (None, Method::Fast) => (super::reduced(omega, absorbed, delta).0, Status::Ok),
+            (None, Method::Exact) => (exact::solve_at(self.mu0, omega, absorbed, delta), Status::Ok),
+            (None, Method::Fn) => {
+                let a = fn_method::solve(omega, absorbed, delta, FN_TOLERANCE);
+                if a.change <= FN_SETTLED {
+                    (a.response, Status::Ok)
+                } else {
+                    let what =
+                        format!("rho_d; rho_t: order {} differs from the one before by {:.1e}", a.order, a.change);
+                    (a.response, Status::Undetermined(what))
+                }
+            }
+        }
+    }
+}
+
+/// ω and 1−ω with all their digits, or why there is no such slab.
+fn albedo(omega: f64, delta: f64, one_minus_omega: f64) -> Result<(f64, f64), String> {
     if !(0.0..=1.0).contains(&omega) {
-        return refused(format!("omega is {omega}; expected 0 to 1"));
+        return Err(format!("omega is {omega}; expected 0 to 1"));
     }
     if !(delta >= 0.0 && delta.is_finite()) {
-        return refused(format!("delta is {delta}; expected 0 or more"));
+        return Err(format!("delta is {delta}; expected 0 or more"));
     }
     for (name, value) in [("omega", omega), ("delta", delta)] {
         if value != 0.0 && value < SMALLEST {
-            return refused(format!(
+            return Err(format!(
                 "{name} is {value:e}; expected 0 or at least {SMALLEST:e}, below which numbers lose their digits"
             ));
         }
     }
     let absorbed = if one_minus_omega.is_nan() { 1.0 - omega } else { one_minus_omega };
     if !(absorbed >= 0.0 && (omega + absorbed - 1.0).abs() < 1e-9) {
-        return refused(format!("one_minus_omega is {absorbed} beside omega {omega}; expected their sum to be 1"));
+        return Err(format!("one_minus_omega is {absorbed} beside omega {omega}; expected their sum to be 1"));
     }
     // One of the two carries the digits: 1−ω near 1, ω near 0.
-    let omega = if absorbed < 0.5 { 1.0 - absorbed } else { omega };
-    match method {
-        Method::Fast => (super::reduced(omega, absorbed, delta).0, Status::Ok),
-        Method::Exact => (exact::solve_at(mu0, omega, absorbed, delta), Status::Ok),
-        Method::Fn => {
-            let a = fn_method::solve(omega, absorbed, delta, FN_TOLERANCE);
-            if a.change <= FN_SETTLED {
-                (a.response, Status::Ok)
-            } else {
-                let what = format!("rho_d; rho_t: order {} differs from the one before by {:.1e}", a.order, a.change);
-                (a.response, Status::Undetermined(what))
-            }
-        }
-    }
+    Ok((if absorbed < 0.5 { 1.0 - absorbed } else { omega }, absorbed))
 }

@@ -210,13 +210,18 @@ impl Bow {
         if lobe.is_long_tailed() {
             // t = w·2y/(1 − y²) takes the Lorentzian's tail: in y the integrand's poles are at ±i.
             let w = 0.5 * ((m2 + self.tau) / self.bend).sqrt();
-            let y = self.limits.map(|t| t / (w + w.hypot(t)));
-            let (mid, half) = (0.5 * (y[0] + y[1]), 0.5 * (y[1] - y[0]));
-            for &(x, weight) in &rule.gauss {
-                let y = mid + half * x;
-                let f = 1.0 - y * y;
-                let dt = 2.0 * w * (1.0 + y * y) / (f * f);
-                self.node(lobe, m, 2.0 * w * y / f, weight * half * dt, &mut sums);
+            let y = |t: f64| t / (w + w.hypot(t));
+            let kinks = if lobe.index().is_some() { self.kinks(self.limits) } else { Vec::new() };
+            let mut from = y(self.limits[0]);
+            for to in kinks.into_iter().chain([self.limits[1]]).map(y) {
+                let (mid, half) = (0.5 * (from + to), 0.5 * (to - from));
+                for &(x, weight) in &rule.gauss {
+                    let y = mid + half * x;
+                    let f = 1.0 - y * y;
+                    let dt = 2.0 * w * (1.0 + y * y) / (f * f);
+                    self.node(lobe, m, 2.0 * w * y / f, weight * half * dt, &mut sums);
+                }
+                from = to;
             }
         } else if self.tau > 40.0 * m2 {
             return;

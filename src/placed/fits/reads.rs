@@ -49,14 +49,6 @@ pub fn texture(side: Side, what: &str) -> String {
     format!("{}_{what}", side.name())
 }
 
-/// Hashes one of the folder's files again and compares the hash with that of the fit.
-///
-/// # Errors
-/// [`Error::Missed`] for a file that has changed since, or that `fit.toml` does not list.
-pub fn verify(fit: &LeafFit, file: &str, ledger: &Ledger) -> Result<()> {
-    ledger.note("hash", entry(fit, file), bytes(fit, file), || fit.verify(file))
-}
-
 /// The size of a leaf's maps. `size` is that of one side's maps, and `known` is the size that is known so far (zeros if
 /// none is).
 ///

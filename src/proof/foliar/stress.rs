@@ -2,6 +2,9 @@
 //! conserved, and a closed form is met where one exists.
 
 use crate::stress::StressRow;
+use mesophyll_fit::foliar::surface::Setting;
+use mesophyll_fit::foliar::{Known, Model, Parameter, Reading};
+use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Response, exact, walk};
 use mesophyll_optics::side::Side;
 use std::time::Instant;
@@ -68,6 +71,7 @@ pub fn rows() -> Vec<StressRow> {
     let mut rows: Vec<StressRow> = cases().iter().map(run).collect();
     rows.push(narrow());
     rows.push(many());
+    rows.push(no_such_leaf());
     rows
 }
 
@@ -117,6 +121,30 @@ fn narrow() -> StressRow {
     let off = (found.transmittance - want.transmittance).abs().max((found.reflectance - want.reflectance).abs());
     let verdict = if off < 2e-5 { "ok".into() } else { format!("wrong: {off:e} from straight light") };
     row("oblateness 1e9", "ok", verdict, Some(off), clock)
+}
+
+/// A fit of pigments to readings that no leaf gives: blue and red are reflected, green is let through.
+fn no_such_leaf() -> StressRow {
+    let clock = Instant::now();
+    let of = |chlorophyll: f64, carotenoid: f64| Constants {
+        specific: [chlorophyll, carotenoid, 10.0, 4.4, 1e-3],
+        indices: [1.5, 1.42, 1.41],
+    };
+    let points = vec![(450.0, of(4.7e4, 5.1e4)), (550.0, of(1.2e4, 6e3)), (650.0, of(2.9e4, 3e3))];
+    let lights: Vec<(f64, Side)> = points.iter().map(|p| (p.0, Side::Front)).collect();
+    let setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 8f64.to_radians() };
+    let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
+    let known = Known { contents: [0.0; 5], oblateness: 5.0 };
+    let measured = [0.55, 0.03, 0.12, 0.45, 0.6, 0.12];
+    let reading = |(k, value)| Reading { light: k / 2, through: k % 2 == 1, value, err: f64::NAN };
+    let readings: Vec<Reading> = measured.into_iter().enumerate().map(reading).collect();
+    let verdict = match Model::new(&Spectrum { points }, &lights, setting, &asked, Some(5e-3)) {
+        Ok(model) => model.fit(&readings, &known).status.to_string(),
+        Err(why) => why,
+    };
+    let names = asked.map(Parameter::column).join(" ");
+    let expected = format!("undetermined: {names} (the model does not describe this leaf");
+    row("a leaf that cannot exist", &expected, verdict, None, clock)
 }
 
 /// Shares and errors of counts that exceed 32 bits.

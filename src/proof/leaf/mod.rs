@@ -1,3 +1,4 @@
 //! Small synthetic scans of known leaves.
 
+pub mod faults;
 pub mod stress;

@@ -3,7 +3,8 @@
 //!
 //! A verdict is `ok` (σa and σs of every channel within 10 %, and the truth within four printed errors, on both sides),
 //! `undetermined: ` with the shared parameters that `fit.toml` names (`gloss` where most texels' gloss is not
-//! determined), or `refused: ` with the reason.
+//! determined), or `refused: ` with the reason. Faults of the measurement ([`super::faults`]) follow; their verdict is
+//! `noticed: ` with the fault's name.
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
@@ -151,7 +152,9 @@ fn cases() -> Vec<Case> {
 /// # Errors
 /// [`Error::Write`] where no temporary folder can be had.
 pub fn rows() -> Result<Vec<StressRow>> {
-    cases().iter().map(run).collect()
+    let mut rows = cases().iter().map(run).collect::<Result<Vec<_>>>()?;
+    rows.extend(super::faults::rows("")?);
+    Ok(rows)
 }
 
 fn run(case: &Case) -> Result<StressRow> {

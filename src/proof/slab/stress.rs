@@ -2,7 +2,8 @@
 //! physics requires.
 
 use crate::stress::StressRow;
-use mesophyll_optics::slab::inverse::{self, Status};
+use mesophyll_optics::slab::faces::Faces;
+use mesophyll_optics::slab::inverse::{self, Coefficient, Estimate, Model, Precision, Share, Single, Status};
 use mesophyll_optics::slab::{self, exact};
 use std::time::Instant;
 
@@ -28,10 +29,45 @@ const FORWARD: [(&str, f64, f64, f64); 14] = [
     ("omega 1 and delta 1e6", 1.0, 0.0, 1e6),
 ];
 
+/// The index of the cases with reflecting faces.
+const INDEX: f64 = 1.41;
+
+/// Slabs of index [`INDEX`], inverted with it: name, ω, 1−ω, Δ, noise, expected verdict.
+const REFLECTING: [(&str, f64, f64, f64, f64, &str); 9] = [
+    ("middle of the range", 0.8, 0.2, 2.0, 1e-3, "ok"),
+    ("a phantom of silicone", 0.96, 0.04, 2.8, 1e-3, "ok"),
+    ("delta 1e-3", 0.5, 0.5, 1e-3, 1e-6, "ok"),
+    ("delta 1e-7 under the noise", 0.5, 0.5, 1e-7, 1e-6, "undetermined: sigma_a <="),
+    ("omega 0", 0.0, 1.0, 1.0, 1e-6, "undetermined: sigma_s <="),
+    ("omega 1", 1.0, 0.0, 3.0, 1e-3, "undetermined: sigma_a <="),
+    ("1-omega 1e-7 above the noise", 1.0 - 1e-7, 1e-7, 3.0, 1e-10, "ok"),
+    ("delta 1000 and absorbing", 0.5, 0.5, 1000.0, 1e-6, "undetermined: sigma_a >="),
+    ("delta 1000 and 1-omega 1e-6", 1.0 - 1e-6, 1e-6, 1000.0, 1e-6, "ok"),
+];
+
 /// Runs every case.
 pub fn stress_cases() -> Vec<StressRow> {
-    let mut rows: Vec<StressRow> =
-        FORWARD.iter().map(|&(case, omega, absorbed, delta)| forward(case, omega, absorbed, delta)).collect();
+    let model = Model::of_index(INDEX);
+    let faces = Faces::new(INDEX, 1.0);
+    let matched = |omega: f64, absorbed: f64, delta: f64| {
+        (slab::reduced(omega, absorbed, delta).0, exact::solve(omega, absorbed, delta))
+    };
+    let reflecting = |omega: f64, absorbed: f64, delta: f64| {
+        (model.response(omega, absorbed, delta), faces.shares(omega, absorbed, delta).response())
+    };
+    let mut rows = Vec::new();
+    for &(case, omega, absorbed, delta) in &FORWARD {
+        rows.push(forward("slab forward", case, absorbed, || matched(omega, absorbed, delta)));
+        rows.push(forward("slab index forward", case, absorbed, || reflecting(omega, absorbed, delta)));
+    }
+    for &(case, omega, absorbed, delta, noise, expected) in &REFLECTING {
+        let r = faces.shares(omega, absorbed, delta).response();
+        let truth = [absorbed * delta, omega * delta];
+        rows.push(inverted("slab index", case, expected, Some(truth), || {
+            inverse::invert_in(&model, Precision::Fast, r.rho_d, r.rho_t, 1.0, noise, noise)
+        }));
+    }
+    rows.extend(wrong_models(&model));
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(CASES.as_bytes());
     for (line, record) in reader.records().enumerate() {
         rows.push(match record {
@@ -42,12 +78,41 @@ pub fn stress_cases() -> Vec<StressRow> {
     rows
 }
 
-/// Compares the fast model with the exact one. `ok` means six correct digits in both, for ρt down to 1e-30, and
+/// Measurements that the model does not describe. Two numbers determine two coefficients exactly, so only what no slab of
+/// the index can have shows.
+fn wrong_models(model: &Model) -> Vec<StressRow> {
+    let leaf = slab::reduced(0.3, 0.7, 4.0).0;
+    let fit = |r: f64, t: f64| inverse::invert_in(model, Precision::Fast, r, t, 1.0, 1e-3, 1e-3);
+    let single = |value: f64, sigma: f64| {
+        let known = Coefficient::Absorption;
+        let single = Single { share: Share::Reflected, value, err: 1e-3, known, sigma, sigma_err: 0.0 };
+        inverse::invert_single(model, &single, 1.0)
+    };
+    let dim = 0.5 * model.mirror.face();
+    let glass = model.mirror.clear();
+    vec![
+        inverted("slab index", "a slab without faces, taken for one with them", "refused: rho_t", None, || {
+            fit(0.001, 0.99)
+        }),
+        inverted("slab index", "the mirror reflection was left out", "refused: rho_d", None, || fit(dim, leaf.rho_t)),
+        inverted("slab index", "a pane of glass", "undetermined: sigma_a <=", None, || fit(1.0 - glass, glass)),
+        inverted("slab index", "R brighter than the known absorption allows", "refused: rho_d", None, || {
+            single(0.9, 5.0)
+        }),
+        inverted("slab index", "R and T in per cent", "refused: rho_d", None, || fit(11.9, 20.1)),
+    ]
+}
+
+/// Compares the fast model (first) with the exact one. `ok` means six correct digits in both, for ρt down to 1e-30, and
 /// conservation where nothing absorbs.
-fn forward(case: &str, omega: f64, absorbed: f64, delta: f64) -> StressRow {
-    let want = exact::solve(omega, absorbed, delta);
+fn forward(
+    model: &str,
+    case: &str,
+    absorbed: f64,
+    both: impl FnOnce() -> (slab::Response, slab::Response),
+) -> StressRow {
     let clock = Instant::now();
-    let got = slab::reduced(omega, absorbed, delta).0;
+    let (got, want) = both();
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     let relative = |a: f64, b: f64, floor: f64| if b.abs() <= floor { (a - b).abs() } else { (a / b - 1.0).abs() };
     let error = relative(got.rho_d, want.rho_d, 0.0).max(relative(got.rho_t, want.rho_t, 1e-30));
@@ -58,7 +123,7 @@ fn forward(case: &str, omega: f64, absorbed: f64, delta: f64) -> StressRow {
         (_, false) => format!("wrong: rho_d + rho_t = {}", got.rho_d + got.rho_t),
     };
     StressRow {
-        model: "slab forward".into(),
+        model: model.into(),
         case: case.into(),
         expected: "ok".into(),
         verdict,
@@ -99,8 +164,19 @@ fn inverse_case(record: &csv::StringRecord) -> StressRow {
     if text(8) == "yes" {
         (r, t) = (f64::from(r as f32), f64::from(t as f32));
     }
+    inverted("slab", text(0), text(9), truth, || inverse::invert(r, t, h, noise, noise))
+}
+
+/// The verdict of an inversion.
+fn inverted(
+    model: &str,
+    case: &str,
+    expected: &str,
+    truth: Option<[f64; 2]>,
+    invert: impl FnOnce() -> Estimate,
+) -> StressRow {
     let clock = Instant::now();
-    let e = inverse::invert(r, t, h, noise, noise);
+    let e = invert();
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     let mut verdict = e.status.to_string();
     let mut correct = None;
@@ -112,9 +188,9 @@ fn inverse_case(record: &csv::StringRecord) -> StressRow {
         }
     }
     StressRow {
-        model: "slab".into(),
-        case: text(0).into(),
-        expected: text(9).into(),
+        model: model.into(),
+        case: case.into(),
+        expected: expected.into(),
         verdict,
         digits: correct,
         condition: e.condition.is_finite().then_some(e.condition),

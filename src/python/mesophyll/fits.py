@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import warnings
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,8 @@ class Fit:
 
     def __init__(self, folder: str | PathLike[str]):
         self.folder = Path(folder)
-        _native.verify(fspath(self.folder))
+        for said in _native.verify(fspath(self.folder)):
+            warnings.warn(said, stacklevel=2)
         with open(self.folder / "fit.toml", "rb") as file:
             self.record: dict[str, Any] = tomllib.load(file)
 

@@ -2,7 +2,7 @@
 
 A texel reflects diffusely with ``rho_d`` and in a lobe of strength ``rho_s`` and slope ``m`` around its normal, which
 leans by ``tilt`` (radians) in the plane x-z. Lobes: ``beckmann`` (Wang et al. 2005, Eq. 7), ``ggx`` with longer tails,
-``cook-torrance`` with Fresnel reflection of an index and masking.
+``cook-torrance`` and ``ggx-fresnel``: the same with Fresnel reflection of an index and masking.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ._result import Floats, Result, broadcast, floats, shaped, statuses
 __all__ = ["fit", "fit_samples", "frames"]
 
 Device = Mapping[str, Any] | str | PathLike[str]
-Lobe = Literal["beckmann", "ggx", "cook-torrance"]
+Lobe = Literal["beckmann", "ggx", "cook-torrance", "ggx-fresnel"]
 
 
 def _told(device: Device) -> tuple[str, str]:
@@ -63,10 +63,10 @@ def fit(
         The device, or the path of a TOML file that describes it: ``height_mm``, ``tube_length_mm``,
         ``tube_radius_mm`` (0 for a thin tube), ``camera_deg``, the positions of the frames as ``u`` or as ``u_start``,
         ``u_end`` and ``frames``, ``noise_relative`` and ``noise_floor``.
-    lobe : {"beckmann", "ggx", "cook-torrance"}
+    lobe : {"beckmann", "ggx", "cook-torrance", "ggx-fresnel"}
         Form of the gloss.
     index : float
-        Refractive index of the surface, with ``lobe="cook-torrance"``.
+        Refractive index of the surface, with ``lobe="cook-torrance"`` or ``"ggx-fresnel"``.
     quadrature : int
         Gauss-Legendre nodes on half the tube, 2 to 256.
     robust : {"auto", "off", "on"}
@@ -136,7 +136,8 @@ def fit_samples(
     Result
         ``rho_d`` and ``rho_d_err`` of shape (bands,) or (), grey ``rho_s``, shared ``m``, ``tilt`` and ``tilt_y``
         (radians), ``rms``, each with ``_err`` but the last, and ``status``. Errors come from the scatter of the
-        residuals and are lower bounds.
+        residuals. Where the lobe does not describe the leaf, or another one describes it far better, the status says
+        so.
     """
     read = floats(values, "values")
     if read.ndim not in (1, 2):

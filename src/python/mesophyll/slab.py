@@ -1,7 +1,9 @@
 """The leaf's interior as a homogeneous slab (LEAFMOD: Ganapol et al. 1998; Wang et al. 2005, section 3).
 
 R is the diffuse reflectance and T the transmittance for a beam along the normal, both as shares of the light, without
-what the surface itself reflects. Thickness is in mm, absorption ``sigma_a`` and scattering ``sigma_s`` in 1/mm.
+what the surface itself reflects: the slab is taken at the index of its surroundings. (``mesophyll fit slab --index N``
+takes one in air whose faces reflect.) Thickness is in mm, absorption ``sigma_a`` and scattering ``sigma_s`` in 1/mm.
+Scattering is taken as isotropic, so ``sigma_s`` is the reduced coefficient of tissue that scatters forward.
 """
 
 from __future__ import annotations

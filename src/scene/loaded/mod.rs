@@ -5,6 +5,7 @@
 
 pub mod convolved;
 pub mod curve;
+mod faults;
 mod gloss;
 pub mod gloss_bound;
 mod leaf;

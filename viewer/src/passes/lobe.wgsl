@@ -5,14 +5,14 @@
 //#if SUN || SCANNER
 // D (1/sr), the density of the facets, from tan²α, cos²α and m².
 fn facets(tan2: f32, cos2: f32, m2: f32) -> f32 {
-    //#if ggx
+    //#if ggx || ggx-fresnel
     return m2 / (3.14159265 * cos2 * cos2 * (m2 + tan2) * (m2 + tan2));
     //#else
     return exp(-tan2 / m2) / (3.14159265 * m2 * cos2 * cos2);
     //#endif
 }
 
-//#if cook-torrance
+//#if cook-torrance || ggx-fresnel
 // Reflectance of a dielectric of relative index `n` for unpolarised light at this cosine.
 fn fresnel(cosine: f32, n: f32) -> f32 {
     let t = sqrt(1.0 - (1.0 - min(cosine, 1.0) * min(cosine, 1.0)) / (n * n));
@@ -44,7 +44,7 @@ fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
     let cavity = min(1.0, 2.0 * nh * min(nv, nl) / vh);
     //#endif
     var f = density * cavity / (4.0 * nl * nv);
-    //#if cook-torrance
+    //#if cook-torrance || ggx-fresnel
     f *= fresnel(vh, constants.leaf.y);
     //#endif
     return f;

@@ -1,113 +1,136 @@
 //! `fit gloss --samples`: reads goniometer tables and writes one row for each leaf.
 
-use super::{Sample, SamplesFit, TILT, fit};
-use crate::gloss::M_RANGE;
-use crate::{Error, Result};
-use mesophyll_files::table::{Answer, Groups, Output, Spec, Status, Table, Tally};
-use mesophyll_optics::gloss::Lobe;
+use super::columns::Columns;
+use super::verdict::{self, Suspicion};
+use super::{Sample, SamplesFit, Settings, Surface, fit};
+use crate::Result;
+use mesophyll_files::progress;
+use mesophyll_files::table::{Answer, Groups, Output, Physical, Spec, Table, Tally};
+use mesophyll_optics::gloss::LobeKind;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use strum::IntoEnumIterator;
+
+/// Leaves that are spoken of on standard error; of more, only the number.
+const SPOKEN: usize = 30;
+/// Readings outside are marks of a missing one; they may be in per cent and of a mirror.
+const POSSIBLE: [f64; 2] = [-0.9, 1e4];
 
 /// `fit gloss --samples`: reads all rows, groups them by `leaf`, and writes one row for each leaf in the order in which
-/// leaves first appear.
+/// leaves first appear. What was left out of a leaf, and which lobe was chosen by how much, is said on standard error.
 ///
 /// # Errors
-/// A missing column, an unreadable input, an unwritable output. A bad row makes its whole leaf refused; the message
-/// names the line.
-pub fn run(table: Table, output: &Output, values: &[String], lobe: Lobe) -> Result<Tally> {
-    let values: Vec<String> = if values.is_empty() {
-        table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect()
-    } else {
-        values.to_vec()
-    };
-    if values.is_empty() {
-        return Err(Error::input(
-            table.name(),
-            "no value columns: name them with --values, or begin their names with brf",
-        ));
-    }
-    if let Some(twice) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
-        return Err(Error::Usage(format!("--values names {} twice", twice.1)));
-    }
-    for name in &values {
-        table.require(name)?;
-    }
+/// A missing column, one that says something of the directions and is not understood, an unreadable input, an
+/// unwritable output.
+pub fn run(table: Table, output: &Output, values: &[String], settings: &Settings) -> Result<Tally> {
+    let columns = Columns::of(&table, values)?;
     let spec = Spec {
-        required: ANGLES.map(String::from).to_vec(),
-        optional: values.clone(),
-        outputs: outputs(&values),
+        required: columns.required(),
+        optional: columns.values.clone(),
+        outputs: outputs(&columns.values, settings),
+        readings: columns.values.clone(),
+        physical: vec![
+            Physical { columns: columns.values.clone(), range: POSSIBLE },
+            Physical::degrees(columns.required()),
+        ],
         ..Spec::default()
     };
-    Groups::read(table, &spec, "leaf")?.run(output, &spec, |_, rows| {
-        let samples: std::result::Result<Vec<Sample>, String> = rows
-            .iter()
-            .map(|row| sample(&row.values, &values).map_err(|why| format!("line {}: {why}", row.line)))
-            .collect();
-        samples.map_or_else(Answer::refused, |samples| answer(&samples, &values, lobe))
-    })
+    let chosen: Mutex<BTreeMap<String, String>> = Mutex::default();
+    let groups = Groups::read(table, &spec, "leaf")?;
+    let tally = groups.run(output, &spec, |name, rows, left| {
+        let mut samples = Vec::new();
+        let mut worst = None;
+        for row in rows {
+            match columns.sample(&row.values, settings) {
+                Ok((sample, readings)) => {
+                    samples.push(sample);
+                    readings.into_iter().for_each(|why| left.add(row.line, why));
+                }
+                Err(why) => {
+                    worst = worst.or_else(|| Some(format!("line {}: {why}", row.line)));
+                    left.add(row.line, why);
+                }
+            }
+        }
+        if samples.is_empty() {
+            return Answer::refused(worst.unwrap_or_else(|| "no readings".into()));
+        }
+        let (answer, lobe) = answered(&samples, &columns.values, settings);
+        if let (Some(lobe), Ok(mut chosen)) = (lobe, chosen.lock()) {
+            chosen.insert(name.to_string(), lobe);
+        }
+        answer
+    })?;
+    let chosen = chosen.into_inner().unwrap_or_default();
+    for name in groups.names().filter(|name| chosen.contains_key(*name)).take(SPOKEN) {
+        progress::say(format!("leaf {name}: {}", chosen[name]));
+    }
+    if chosen.len() > SPOKEN {
+        progress::say(format!("and {} more leaves", chosen.len() - SPOKEN));
+    }
+    Ok(tally)
 }
 
 /// Output columns of [`answer`] for value columns of these names.
-pub fn outputs(values: &[String]) -> Vec<String> {
+pub fn outputs(values: &[String], settings: &Settings) -> Vec<String> {
     let each = |suffix: &str| values.iter().map(|v| format!("rho_d_{v}{suffix}")).collect::<Vec<_>>();
     let mut outputs = each("");
     outputs.extend(["rho_s", "m", "tilt", "tilt_y", "rms"].map(String::from));
     outputs.extend(each("_err"));
     outputs.extend(["rho_s_err", "m_err", "tilt_err", "tilt_y_err"].map(String::from));
+    if settings.index.is_none() {
+        outputs.extend(["index", "index_err"].map(String::from));
+    }
+    if settings.surface == Surface::Auto {
+        outputs.extend(LobeKind::iter().map(|kind| format!("evidence_{}", kind.to_string().replace('-', "_"))));
+    }
     outputs
 }
 
 /// Fits one leaf and says what was found as the row of a batch; `values` are the names of the value columns.
-pub fn answer(samples: &[Sample], values: &[String], lobe: Lobe) -> Answer {
-    match fit(samples, lobe) {
-        Ok(f) => {
-            let cells = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]);
-            let errors = f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]);
-            Answer { values: cells.chain(errors).collect(), status: status(&f, values) }
-        }
-        Err(why) => Answer::refused(why),
-    }
+pub fn answer(samples: &[Sample], values: &[String], settings: &Settings) -> Answer {
+    answered(samples, values, settings).0
 }
 
-const ANGLES: [&str; 3] = ["source_zenith_deg", "view_zenith_deg", "view_azimuth_deg"];
-
-/// A direction with its readings: `cells` holds the three angles (degrees), then the readings, whose columns are called
-/// `names`.
-///
-/// # Errors
-/// A sentence that names the number that cannot be used.
-pub fn sample(cells: &[f64], names: &[String]) -> std::result::Result<Sample, String> {
-    let (angles, values) = cells.split_at(ANGLES.len());
-    if let Some((name, x)) = ANGLES.iter().zip(angles).find(|(_, x)| !x.is_finite()) {
-        return Err(format!("{name} is {x}; expected degrees"));
+/// The row, and which lobe was chosen by how much where it was not stated.
+fn answered(samples: &[Sample], values: &[String], settings: &Settings) -> (Answer, Option<String>) {
+    let found = match fit(samples, settings) {
+        Ok(found) => found,
+        Err(why) => return (Answer::refused(why), None),
+    };
+    if let Some(why) = verdict::not_reflectance(samples, &found, values, settings) {
+        return (Answer::refused(why), None);
     }
-    if let Some((name, x)) = ANGLES.iter().zip(angles).take(2).find(|(_, x)| !(0.0..90.0).contains(*x)) {
-        return Err(format!("{name} is {x}; expected 0 to 90 degrees"));
-    }
-    if let Some((name, x)) = names.iter().zip(values).find(|(_, x)| x.is_infinite()) {
-        return Err(format!("{name} is {x}; expected a number"));
-    }
-    let [s, v, a] = std::array::from_fn(|k| angles[k].to_radians());
-    Ok(Sample::from_angles(s, v, a, values.to_vec()))
+    let suspicion = Suspicion::of(samples, &found, settings);
+    let status = verdict::status(&found, values, samples, settings, &suspicion);
+    let auto = settings.surface == Surface::Auto;
+    (Answer { values: cells(&found, settings), status }, auto.then(|| chosen(&found)))
 }
 
-fn status(f: &SamplesFit, values: &[String]) -> Status {
-    let mut names: Vec<String> = Vec::new();
-    let unsure = |err: f64, value: f64| err.is_nan() || err > 0.1 * value;
-    for (k, v) in values.iter().enumerate() {
-        if unsure(f.rho_d_err[k], f.rho_d[k]) {
-            names.push(format!("rho_d_{v}"));
-        }
+fn cells(f: &SamplesFit, settings: &Settings) -> Vec<f64> {
+    let mut cells: Vec<f64> = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]).collect();
+    cells.extend(f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]));
+    if settings.index.is_none() {
+        // A lobe without an index has none to print.
+        cells.extend(f.lobe.index().map_or([f64::NAN; 2], |index| [index, f.index_err]));
     }
-    if unsure(f.rho_s_err, f.rho_s) {
-        names.push("rho_s".into());
+    if settings.surface == Surface::Auto {
+        let own = f.evidence[LobeKind::from(f.lobe) as usize];
+        cells.extend(f.evidence.iter().map(|e| e - own));
     }
-    let at_bound = f.m <= 1.0001 * M_RANGE[0] || f.m >= 0.9999 * M_RANGE[1];
-    if at_bound || unsure(f.m_err, f.m) {
-        names.push("m".into());
-    }
-    for (k, name) in ["tilt", "tilt_y"].into_iter().enumerate() {
-        if f.tilt[k].abs() >= TILT - 1e-9 || unsure(f.tilt_err[k], f.tilt[k].abs().max(0.35)) {
-            names.push(name.into());
-        }
-    }
-    if names.is_empty() { Status::Ok } else { Status::Undetermined(names.join(" ")) }
+    cells
+}
+
+/// Which lobe describes the leaf best, and by how much.
+fn chosen(f: &SamplesFit) -> String {
+    let own = LobeKind::from(f.lobe);
+    let best = f.evidence[own as usize];
+    let others: Vec<String> = LobeKind::iter()
+        .zip(&f.evidence)
+        .filter(|(kind, _)| *kind != own)
+        .map(|(kind, e)| format!("{kind} {:.1}", e - best))
+        .collect();
+    let tied: Vec<String> = f.tied.iter().map(ToString::to_string).collect();
+    let equal = if tied.is_empty() { String::new() } else { format!("; {} describes it as well", tied.join(" or ")) };
+    format!("lobe {own} (ln of the evidence against it: {}){equal}", others.join(", "))
 }

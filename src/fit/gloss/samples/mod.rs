@@ -5,20 +5,27 @@
 //! m, tilt and tilt_y are searched globally: first a grid over all three, then argmin's Nelder–Mead from the best
 //! distinct grid points, then Levenberg–Marquardt from the winner, which gives the last digits and the errors.
 //!
-//! The errors are computed from the scatter of the residuals. For a real leaf that scatter is misfit more than noise,
-//! so the errors are lower bounds.
+//! The errors are computed from the scatter of the residuals. They hold only where the lobe describes the leaf, so every
+//! fit is judged ([`judge`]) and compared with the other lobes; where it fails, nothing is promised. Where the scatter
+//! plainly grows with the reading, readings are weighted by it ([`scatter`]).
 
 mod batch;
+mod columns;
+mod judge;
+mod leaf;
+mod scatter;
+mod search;
+#[cfg(test)]
+mod tests;
+mod verdict;
 
-pub use batch::{answer, outputs, run, sample};
+pub use batch::{answer, outputs, run};
+pub use columns::sample;
 
-use super::{M_RANGE, normal_of};
-use argmin::core::{CostFunction, Executor, State as _};
-use argmin::solver::neldermead::NelderMead;
-use mesophyll_optics::gloss::Lobe;
-use mesophyll_solve::Termination;
-use mesophyll_solve::damped::{self, Control, Damped};
-use std::f64::consts::PI;
+use leaf::Leaf;
+use mesophyll_optics::gloss::{Lobe, LobeKind};
+use search::at_end;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoEnumIterator, IntoStaticStr};
 
 /// One direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,16 +40,76 @@ pub struct Sample {
 
 impl Sample {
     /// The source is at azimuth 0 in the x–z plane, so that view azimuth 180° is the side of the mirror direction.
-    /// Angles in radians.
+    /// Angles in radians; a negative zenith angle lies at the opposite azimuth.
     pub fn from_angles(source_zenith: f64, view_zenith: f64, view_azimuth: f64, values: Vec<f64>) -> Sample {
-        let dir = |t: f64, p: f64| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
-        Sample { light: dir(source_zenith, 0.0), view: dir(view_zenith, view_azimuth), values }
+        Sample::between([source_zenith, 0.0], [view_zenith, view_azimuth], values)
+    }
+
+    /// The same with a source at any azimuth: zenith and azimuth of the source, and of the view (rad).
+    pub fn between(source: [f64; 2], view: [f64; 2], values: Vec<f64>) -> Sample {
+        let dir = |[t, p]: [f64; 2]| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
+        Sample { light: dir(source), view: dir(view), values }
+    }
+}
+
+/// Which lobe is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Surface {
+    /// Beckmann's, because nothing else was said.
+    #[default]
+    Usual,
+    /// The one that was asked for.
+    Of(LobeKind),
+    /// The one that describes the leaf best.
+    Auto,
+}
+
+/// Which tilts of the normal are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Tilts {
+    /// Both; but the tilt across a scan in one plane, which no reading shows, is taken as 0 and named
+    #[default]
+    Free,
+    /// In the plane of azimuth 0 only; tilt_y is 0
+    Along,
+    /// None: the leaf lies level
+    #[strum(serialize = "0")]
+    Level,
+}
+
+/// How leaves are fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// The lobe.
+    pub surface: Surface,
+    /// Index of refraction of lobes that have one; `None`: it is fitted, between the two of [`INDICES`].
+    pub index: Option<f64>,
+    /// Which tilts are fitted.
+    pub tilts: Tilts,
+    /// The view azimuth of the mirror side (degrees, 0 or 180) where it was stated; then large tilts are believed.
+    pub mirror_azimuth: Option<u16>,
+    /// Whether readings are per cent.
+    pub percent: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            surface: Surface::Usual,
+            index: Some(INDEX),
+            tilts: Tilts::Free,
+            mirror_azimuth: None,
+            percent: false,
+        }
     }
 }
 
 /// A fitted leaf; errors are one standard deviation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SamplesFit {
+    /// The lobe; with the fitted index where it was fitted.
+    pub lobe: Lobe,
     /// Diffuse reflectance ρd, a value column each.
     pub rho_d: Vec<f64>,
     /// Gloss reflectance ρs, the same for all columns.
@@ -59,297 +126,99 @@ pub struct SamplesFit {
     pub rho_s_err: f64,
     /// Standard error of the slope.
     pub m_err: f64,
-    /// Standard errors of tilt and tilt_y (rad).
+    /// Standard errors of tilt and tilt_y (rad); 0 for one that was stated.
     pub tilt_err: [f64; 2],
+    /// Standard error of the index of refraction; 0 where it was stated or the lobe has none.
+    pub index_err: f64,
     /// Readings used.
     pub readings: usize,
+    /// Why the lobe does not describe the leaf, as a part of a sentence; `None` where it does.
+    pub misfit: Option<String>,
+    /// What was taken for granted of the normal because no reading shows it, as a sentence; `None` where all is shown.
+    pub taken: Option<String>,
+    /// A different solution that explains the readings as well, as a part of a sentence.
+    pub rival: Option<String>,
+    /// Logarithm of the evidence of each lobe, in the order of [`LobeKind`]: the likelihood of the readings with the
+    /// noise at its best, less ½ ln n for each parameter. Only differences mean something; NaN: not computed.
+    pub evidence: Vec<f64>,
+    /// Lobes with as much evidence, where the lobe was chosen by it; their values have widened the errors.
+    pub tied: Vec<LobeKind>,
+    /// The lobe that describes the leaf far better, and whether it describes it to its noise.
+    pub better: Option<(LobeKind, bool)>,
 }
 
 /// Largest tilt that is searched (rad).
 const TILT: f64 = 0.8;
-/// How many local searches start from the grid.
-const STARTS: usize = 8;
+/// Index of refraction where none is stated: of a leaf's wax.
+pub const INDEX: f64 = 1.45;
+/// Least and largest index of refraction that is fitted.
+pub const INDICES: [f64; 2] = [1.2, 1.7];
+/// A lobe is far better where the readings are this much likelier with it (ln 1000).
+const FAR_BETTER: f64 = 6.9;
+/// Lobes are tied where the readings are not this much likelier with one of them (ln 20).
+const TIED: f64 = 3.0;
 
 /// Fits one leaf.
 ///
 /// # Errors
 /// A reason in words where there are too few readings.
-pub fn fit(samples: &[Sample], lobe: Lobe) -> std::result::Result<SamplesFit, String> {
+pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<SamplesFit, String> {
     let bands = samples.first().map_or(0, |s| s.values.len());
-    let readings = samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).count();
-    let parameters = bands + 4;
-    if readings <= parameters {
-        return Err(format!("{readings} readings for {parameters} parameters"));
-    }
     if let Some(k) = (0..bands).find(|&k| samples.iter().all(|s| !s.values[k].is_finite())) {
         return Err(format!("value column {} has no reading", k + 1));
     }
-    let problem = Problem { samples, lobe, bands };
-    let mut grid: Vec<(f64, [f64; 3])> = Vec::new();
-    for i in 0..16 {
-        let m = 0.03f64.ln() + (M_RANGE[1].ln() - 0.03f64.ln()) * f64::from(i) / 15.0;
-        let pitch = (0.7 * m.exp()).clamp(0.03, 0.1);
-        let count = (TILT / pitch).ceil() as i32;
-        for a in -count..=count {
-            for b in -count..=count {
-                let p = [m, TILT * f64::from(a) / f64::from(count), TILT * f64::from(b) / f64::from(count)];
-                grid.push((problem.sum(&p), p));
-            }
+    let wanted = match settings.surface {
+        Surface::Of(kind) => Some(kind),
+        Surface::Usual => Some(LobeKind::Beckmann),
+        Surface::Auto => None,
+    };
+    let all: Vec<(LobeKind, Leaf)> = LobeKind::iter()
+        .map(|kind| Ok((kind, Leaf::fit(samples, bands, kind, settings)?)))
+        .collect::<std::result::Result<_, String>>()?;
+    let evidence: Vec<f64> = all.iter().map(|(_, leaf)| leaf.evidence()).collect();
+    let best = (0..all.len()).max_by(|a, b| evidence[*a].total_cmp(&evidence[*b])).unwrap_or(0);
+    let chosen = wanted.and_then(|kind| all.iter().position(|(k, _)| *k == kind)).unwrap_or(best);
+    let leaf = &all[chosen].1;
+    let mut out = leaf.report();
+    if evidence[best] - evidence[chosen] > FAR_BETTER {
+        out.better = Some((all[best].0, all[best].1.judgement.why.is_none()));
+    }
+    if wanted.is_none() {
+        for k in (0..all.len()).filter(|k| *k != chosen && evidence[chosen] - evidence[*k] < TIED) {
+            out.tied.push(all[k].0);
+            out.hold(&all[k].1.report());
         }
     }
-    grid.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut starts: Vec<[f64; 3]> = Vec::new();
-    for (_, p) in &grid {
-        let near = |q: &[f64; 3]| (p[0] - q[0]).abs() < 0.5 && (p[1] - q[1]).abs() < 0.12 && (p[2] - q[2]).abs() < 0.12;
-        if !starts.iter().any(near) {
-            starts.push(*p);
-        }
-        if starts.len() == STARTS {
-            break;
-        }
-    }
-    let mut best: Option<(f64, [f64; 3])> = None;
-    for start in starts {
-        let found = problem.polish(problem.simplex(start));
-        if best.is_none_or(|b| found.0 < b.0) {
-            best = Some(found);
-        }
-    }
-    let (sum, p) = best.ok_or_else(|| "no start".to_string())?;
-    Ok(problem.report(&p, sum, readings, parameters))
+    out.evidence = evidence;
+    Ok(out)
 }
 
-struct Problem<'a> {
-    samples: &'a [Sample],
-    lobe: Lobe,
-    bands: usize,
-}
-
-/// Linear solve at fixed m and normal.
-struct Solved {
-    rho_d: Vec<f64>,
-    rho_s: f64,
-    sum: f64,
-}
-
-impl Problem<'_> {
-    /// π f_s of every sample.
-    fn column(&self, p: &[f64; 3]) -> Vec<f64> {
-        let (n, m) = (normal_of([p[1], p[2]]), p[0].exp());
-        self.samples.iter().map(|s| PI * self.lobe.value(n, s.light, s.view, m)).collect()
-    }
-
-    fn solve(&self, column: &[f64]) -> Solved {
-        // Each band is centred, then one common slope is fitted. A ρ below zero goes to its bound.
-        let each = |k: usize| {
-            self.samples
-                .iter()
-                .zip(column)
-                .filter(move |(s, _)| s.values[k].is_finite())
-                .map(move |(s, c)| (s.values[k], *c))
-        };
-        let (mut top, mut bottom) = (0.0, 0.0);
-        let mut means = Vec::with_capacity(self.bands);
-        for k in 0..self.bands {
-            let n = each(k).count() as f64;
-            let (y, c) = each(k).fold((0.0, 0.0), |(a, b), (y, c)| (a + y / n, b + c / n));
-            means.push((y, c));
-            for (v, x) in each(k) {
-                top += (v - y) * (x - c);
-                bottom += (x - c) * (x - c);
-            }
+impl SamplesFit {
+    /// Widens every error so that it holds the value of another description of the same leaf.
+    fn hold(&mut self, other: &SamplesFit) {
+        let widen = |error: &mut f64, a: f64, b: f64| *error = error.hypot(a - b);
+        for ((error, a), b) in self.rho_d_err.iter_mut().zip(&self.rho_d).zip(&other.rho_d) {
+            widen(error, *a, *b);
         }
-        let mut rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
-        let mut rho_d: Vec<f64> = means.iter().map(|(y, c)| y - rho_s * c).collect();
-        if rho_d.iter().any(|r| *r < 0.0) {
-            // A band whose ρd is held at zero is no longer centred: a few sweeps of coordinate descent solve the
-            // bounded problem.
-            for _ in 0..200 {
-                for (r, (y, c)) in rho_d.iter_mut().zip(&means) {
-                    *r = (y - rho_s * c).max(0.0);
-                }
-                let (mut top, mut bottom) = (0.0, 0.0);
-                for (k, r) in rho_d.iter().enumerate() {
-                    for (v, x) in each(k) {
-                        top += (v - r) * x;
-                        bottom += x * x;
-                    }
-                }
-                rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
-            }
+        widen(&mut self.rho_s_err, self.rho_s, other.rho_s);
+        widen(&mut self.m_err, self.m, other.m);
+        for k in 0..2 {
+            widen(&mut self.tilt_err[k], self.tilt[k], other.tilt[k]);
         }
-        let sum =
-            rho_d.iter().enumerate().map(|(k, r)| each(k).map(|(v, x)| (v - r - rho_s * x).powi(2)).sum::<f64>()).sum();
-        Solved { rho_d, rho_s, sum }
-    }
-
-    /// Sum of squares at (ln m, tilt, tilt_y). Outside the allowed range it rises steeply.
-    fn sum(&self, p: &[f64; 3]) -> f64 {
-        let q = clamp(p);
-        let outside: f64 = p.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum();
-        self.solve(&self.column(&q)).sum * (1.0 + 10.0 * outside) + outside
-    }
-
-    fn simplex(&self, start: [f64; 3]) -> [f64; 3] {
-        let mut corners = vec![start.to_vec()];
-        for (k, edge) in [0.15, 0.04, 0.04].into_iter().enumerate() {
-            let mut corner = start.to_vec();
-            corner[k] += edge;
-            corners.push(corner);
-        }
-        let Ok(solver) = NelderMead::new(corners).with_sd_tolerance(1e-14) else { return start };
-        let run = Executor::new(Simplex(self), solver).configure(|s| s.max_iters(300)).run();
-        match run.ok().and_then(|r| r.state().get_best_param().cloned()) {
-            Some(p) if p.len() == 3 => clamp(&[p[0], p[1], p[2]]),
-            _ => start,
+        if let (Some(a), Some(b)) = (self.lobe.index(), other.lobe.index()) {
+            widen(&mut self.index_err, a, b);
         }
     }
 
-    /// Residuals of all readings at `p`, with the linear parameters at their best values.
-    fn residuals(&self, p: &[f64; 3]) -> Vec<f64> {
-        let column = self.column(p);
-        let s = self.solve(&column);
-        let rho = &s.rho_d;
-        let readings = self
-            .samples
-            .iter()
-            .zip(&column)
-            .flat_map(|(sample, x)| sample.values.iter().zip(rho).map(move |(v, r)| v - r - s.rho_s * x));
-        readings.filter(|r| r.is_finite()).collect()
+    /// The angle between the normal and the vertical (rad).
+    pub fn leaning(&self) -> f64 {
+        (self.tilt[0].cos() * self.tilt[1].cos()).clamp(-1.0, 1.0).acos()
     }
 
-    /// Levenberg–Marquardt on the projected residuals, derivatives by central differences (a leaf has few samples).
-    fn polish(&self, start: [f64; 3]) -> (f64, [f64; 3]) {
-        let at = (self.solve(&self.column(&start)).sum, start);
-        let control = Control { damping: 1e-3, tries: usize::MAX, most: 1e7, least: 0.0, ..Control::MARQUARDT };
-        damped::minimize(&mut Polish { problem: self, normal: Default::default() }, at, &control).0
+    /// Whether the slope or the index lies at an end of what is searched.
+    fn ends(&self) -> [bool; 2] {
+        let range = crate::gloss::M_RANGE;
+        let slope = self.m <= 1.0001 * range[0] || self.m >= 0.9999 * range[1];
+        [slope, self.index_err != 0.0 && self.lobe.index().is_some_and(at_end)]
     }
-
-    /// −∂residual/∂p of the projected residuals, a column a parameter.
-    fn slopes(&self, p: &[f64; 3]) -> [Vec<f64>; 3] {
-        std::array::from_fn(|k| {
-            let step = 1e-5;
-            let moved = |by: f64| {
-                let mut q = *p;
-                q[k] += by;
-                self.residuals(&q)
-            };
-            moved(-step).iter().zip(moved(step)).map(|(a, b)| (a - b) / (2.0 * step)).collect()
-        })
-    }
-
-    fn report(&self, p: &[f64; 3], sum: f64, readings: usize, parameters: usize) -> SamplesFit {
-        let column = self.column(p);
-        let solved = self.solve(&column);
-        let variance = sum / (readings - parameters) as f64;
-        // Full Jacobian: ρd a band, ρs, ln m, tilt, tilt_y.
-        let n = self.bands + 4;
-        let moved = |k: usize, by: f64| {
-            let mut q = *p;
-            q[k] += by;
-            self.column(&q)
-        };
-        let slopes: [Vec<f64>; 3] = std::array::from_fn(|k| {
-            let (hi, lo) = (moved(k, 1e-5), moved(k, -1e-5));
-            hi.iter().zip(&lo).map(|(a, b)| (a - b) / 2e-5).collect()
-        });
-        let mut normal = nalgebra::DMatrix::<f64>::zeros(n, n);
-        for (i, sample) in self.samples.iter().enumerate() {
-            for k in (0..self.bands).filter(|&k| sample.values[k].is_finite()) {
-                let mut row = nalgebra::DVector::<f64>::zeros(n);
-                row[k] = 1.0;
-                row[self.bands] = column[i];
-                for j in 0..3 {
-                    row[self.bands + 1 + j] = solved.rho_s * slopes[j][i];
-                }
-                normal += &row * row.transpose();
-            }
-        }
-        let scale: Vec<f64> = (0..n).map(|k| normal[(k, k)].sqrt()).collect();
-        let live: Vec<usize> = (0..n).filter(|&k| scale[k] > 0.0).collect();
-        let scaled = nalgebra::DMatrix::from_fn(live.len(), live.len(), |i, j| {
-            normal[(live[i], live[j])] / (scale[live[i]] * scale[live[j]])
-        });
-        let mut err = vec![f64::INFINITY; n];
-        if let Some(inverse) = scaled.cholesky().map(|c| c.inverse()) {
-            for (i, &k) in live.iter().enumerate() {
-                err[k] = (variance * inverse[(i, i)]).sqrt() / scale[k];
-            }
-        }
-        let m = p[0].exp();
-        SamplesFit {
-            rho_s: solved.rho_s,
-            m,
-            tilt: [p[1], p[2]],
-            rms: (sum / readings as f64).sqrt(),
-            rho_d_err: err[..self.bands].to_vec(),
-            rho_s_err: err[self.bands],
-            m_err: m * err[self.bands + 1],
-            tilt_err: [err[self.bands + 2], err[self.bands + 3]],
-            rho_d: solved.rho_d,
-            readings,
-        }
-    }
-}
-
-/// The last refinement from a start close by. A point is the sum of squares together with its parameters.
-struct Polish<'a, 'b> {
-    problem: &'a Problem<'b>,
-    normal: (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>),
-}
-
-impl Damped for Polish<'_, '_> {
-    type Point = (f64, [f64; 3]);
-    type Step = [f64; 3];
-
-    fn linearise(&mut self, (_, p): &mut Self::Point) {
-        self.normal = normal_equations(&self.problem.slopes(p), &self.problem.residuals(p));
-    }
-
-    fn step(&mut self, _: &Self::Point, damping: f64) -> Option<[f64; 3]> {
-        let (a, g) = &self.normal;
-        let damped = nalgebra::Matrix3::from_fn(|i, j| {
-            a[(i, j)] * if i == j { 1.0 + damping } else { 1.0 } + if i == j { 1e-300 } else { 0.0 }
-        });
-        damped.cholesky().map(|c| c.solve(g).into())
-    }
-
-    fn end(&mut self, _: &mut Self::Point, _: &[f64; 3]) -> Option<Termination> {
-        None
-    }
-
-    fn take(&mut self, (_, p): &Self::Point, step: &[f64; 3], _: f64) -> Self::Point {
-        let next = clamp(&[p[0] + step[0], p[1] + step[1], p[2] + step[2]]);
-        (self.problem.solve(&self.problem.column(&next)).sum, next)
-    }
-
-    fn better(&self, at: &Self::Point, trial: &Self::Point) -> bool {
-        trial.0 < at.0
-    }
-
-    fn settled(&self, before: &Self::Point, now: &Self::Point) -> Option<Termination> {
-        (before.0 - now.0 < 1e-14 * before.0).then_some(Termination::CostConverged)
-    }
-}
-
-struct Simplex<'a, 'b>(&'a Problem<'b>);
-
-impl CostFunction for Simplex<'_, '_> {
-    type Param = Vec<f64>;
-    type Output = f64;
-    fn cost(&self, p: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
-        Ok(self.0.sum(&[p[0], p[1], p[2]]))
-    }
-}
-
-fn clamp(p: &[f64; 3]) -> [f64; 3] {
-    [p[0].clamp(M_RANGE[0].ln(), M_RANGE[1].ln()), p[1].clamp(-TILT, TILT), p[2].clamp(-TILT, TILT)]
-}
-
-fn normal_equations(jacobian: &[Vec<f64>; 3], r: &[f64]) -> (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>) {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    (
-        nalgebra::Matrix3::from_fn(|i, j| dot(&jacobian[i], &jacobian[j])),
-        nalgebra::Vector3::from_fn(|i, _| dot(&jacobian[i], r)),
-    )
 }

@@ -3,6 +3,7 @@
 //! the errors and the verdict (`report.rs`).
 
 mod descend;
+mod described;
 mod minima;
 mod state;
 

@@ -49,6 +49,39 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
     sums.map(|list| list.iter().map(|sum| 1.0 + sum / count.max(1) as f64).collect())
 }
 
+/// Standard errors that a texel's readings leave it: of ρd and ρs a channel each and of m, and of its normal's
+/// components.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// ρd (R, G, B), ρs (R, G, B), m; 0 for what no reading depends on.
+    pub parameters: [f64; 7],
+    /// Of the normal's x, y and z.
+    pub normal: [f64; 3],
+}
+
+/// The standard errors that the noise of the frames of all `passes` leaves a texel at `at` (mm). `None` where they
+/// determine nothing.
+pub fn known_errors(
+    scan: &Scan,
+    passes: &[Predictor],
+    scratch: &mut Scratch,
+    texel: &Texel,
+    at: [f64; 2],
+) -> Option<Known> {
+    let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+    for pass in passes {
+        for j in slopes(scan, pass, scratch, texel, at, passes.len()).iter().flatten() {
+            normal.ger(1.0, j, j, 1.0);
+        }
+    }
+    let covariance = pseudo_inverse(&normal)?;
+    let error = |k: usize| covariance[(k, k)].max(0.0).sqrt();
+    let n = texel.normal;
+    let turns = normal_slopes([n[0].atan2(n[2]), n[1].clamp(-1.0, 1.0).asin()]);
+    let of_normal = |axis: usize| (turns[0][axis] * error(7)).hypot(turns[1][axis] * error(8));
+    Some(Known { parameters: std::array::from_fn(error), normal: std::array::from_fn(of_normal) })
+}
+
 /// Slopes of every reading (frame by channel) by the parameters, divided by the reading's noise.
 fn slopes(
     scan: &Scan,

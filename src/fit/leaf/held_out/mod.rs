@@ -15,6 +15,7 @@ mod predict;
 mod stored;
 
 pub use judge::{Judged, Tally, judge, stored_step};
+pub use leverage::{Known, known_errors};
 pub use predict::{Predictor, Scratch, Texel, texel_of};
 pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
 

@@ -160,6 +160,7 @@ impl Walk {
             absorbs,
             sieve: leaf.path == Path::Sieve,
             ratio: (here / next) as f32,
+            excess: ((next - here) * (next + here) / (next * next)) as f32,
         };
         let [epidermis, palisade, spongy] = [epidermis, palisade, spongy].map(lobe);
         let places = [

@@ -17,6 +17,8 @@ pub struct Place {
     pub sieve: bool,
     /// Index of this medium over that of the next.
     pub ratio: f32,
+    /// 1 − ratio², rounded once: 0 between equal media, however grazing a ray is.
+    pub excess: f32,
 }
 
 /// The rays of a place that wait for their lobe: cosines from the normal and, where directions are followed, cosine and
@@ -162,15 +164,18 @@ impl Step {
     }
 
     /// Fresnel's formula without a division: ξ < ½ (a²/b² + c²/d²) is 2 ξ b² d² < a² d² + c² b².
+    ///
+    /// The square of the cosine beyond is (1 − ratio²) + ratio² μ². In the form 1 − ratio² (1 − μ²) a small μ loses its
+    /// digits: between equal media below μ = 2e-4 all of them, and the ray would be mirrored.
     #[inline(always)]
-    fn arrive(&mut self, ratio: f32, padded: usize) {
+    fn arrive(&mut self, ratio: f32, excess: f32, padded: usize) {
         let (chance, mu) = (&self.random[3][..padded], &self.mu[..padded]);
         let (fate, to) = (&mut self.fate[..padded], &mut self.inside[..padded]);
         for k in 0..padded {
             let mu = mu[k];
-            let rest = 1.0 - ratio * ratio * (1.0 - mu * mu);
-            let inside = rest.max(0.0).sqrt();
-            let (a, b) = (ratio * mu - inside, ratio * mu + inside);
+            let own = ratio * mu;
+            let inside = (excess + own * own).max(0.0).sqrt();
+            let (a, b) = (own - inside, own + inside);
             let (c, d) = (mu - ratio * inside, mu + ratio * inside);
             let (a, b, c, d) = (a * a, b * b, c * c, d * d);
             // Beyond total reflection a = b and c = d.
@@ -202,7 +207,7 @@ impl Step {
         if let Some(a) = place.absorbs {
             self.absorb(a, place.sieve, padded);
         }
-        self.arrive(place.ratio, padded);
+        self.arrive(place.ratio, place.excess, padded);
         rays.add::<DIRECTIONS>(self, &self.base, AGAIN);
         mirrored.add::<DIRECTIONS>(self, &self.mu, REFLECTED);
         refracted.add::<DIRECTIONS>(self, &self.inside, REFRACTED);

@@ -2,7 +2,7 @@
 //! pair is cut to the pairs that a slab can have, and its outline is inverted point by point.
 
 use super::newton::{self, Point};
-use super::{Estimate, Measured, Precision, Spread, Status};
+use super::{Estimate, Measured, Model, Precision, Spread, Status};
 
 /// The bounds are stated at this many standard errors.
 const WIDTH: f64 = 2.0;
@@ -27,16 +27,18 @@ impl Range {
 /// belong to black, clear, opaque and conservative slabs.
 struct Feasible {
     r: f64,
+    /// what r is above the reflectance of the faces
+    above: f64,
     t: f64,
     lost: f64,
-    /// on the edge ρd = 0, ρt = 0, ρd + ρt = 1
+    /// on the edge where nothing scatters, ρt = 0, ρd + ρt = 1
     edge: [bool; 3],
 }
 
 /// A number small enough to act as zero and large enough to compute with.
 const TINY: f64 = 1e-18;
 
-fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
+fn feasible(model: &Model, r: f64, t: f64, m: &Measured) -> Feasible {
     let (mut r, mut t) = (r, t);
     let mut edge = [false; 3];
     let excess = r + t - 1.0;
@@ -47,24 +49,26 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
         t = 1.0 - r;
         edge[2] = true;
     }
-    if r <= 0.0 {
-        r = TINY;
+    let floor = model.mirror.reflectance(t.max(0.0)).0;
+    let mut above = r - floor;
+    if above <= 0.0 {
+        (r, above) = (floor + TINY, TINY);
         edge[0] = true;
     }
     if t <= 0.0 {
         t = TINY;
         edge[1] = true;
     }
-    // the corners: clear (0, 1) and white (1, 0)
-    (r, t) = (r.min(1.0), t.min(1.0));
-    Feasible { r, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
+    // the corners: clear, and white (1, 0)
+    (r, t) = (r.min(1.0), t.min(model.mirror.clear()));
+    Feasible { r, above, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
 }
 
 /// σa h and σs h of a feasible point. On the edges they are exactly zero or infinite; where both are numbers, the point
 /// itself is returned too.
-fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)> {
+fn place(model: &Model, p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)> {
     let [clear, opaque, conservative] = p.edge;
-    if p.t >= 1.0 || (clear && conservative) {
+    if p.t >= model.mirror.clear() || (clear && conservative) {
         // The slab is clear: nothing is in the way of the light.
         return Some(([0.0, 0.0], None));
     }
@@ -74,23 +78,23 @@ fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)
         return Some(([open(conservative), open(clear)], None));
     }
     if conservative {
-        return newton::conservative(p.t).map(|point| ([0.0, point.delta], None));
+        return newton::conservative(model, p.t).map(|point| ([0.0, point.delta], None));
     }
     if clear {
-        return Some(([-p.t.ln(), 0.0], None));
+        return Some(([-model.mirror.crossing(p.t).ln(), 0.0], None));
     }
-    let point = newton::solve(p.r, p.t, p.lost, precision)?;
+    let point = newton::solve(model, p.above, p.t, p.lost, precision)?;
     Some(([point.absorbed * point.delta, point.omega * point.delta], Some(point)))
 }
 
 /// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has. So a
 /// transmittance measured three errors below zero bounds the range as well as one measured at zero.
-fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
+fn range(model: &Model, m: &Measured, width: f64, precision: Precision) -> Option<Range> {
     let mut range = Range { low: [f64::INFINITY; 2], high: [0.0; 2] };
     let mut any = false;
     let mut see = |r: f64, t: f64| {
-        let p = feasible(r, t, m);
-        if let Some((value, _)) = place(&p, precision) {
+        let p = feasible(model, r, t, m);
+        if let Some((value, _)) = place(model, &p, precision) {
             range.include(value);
             any = true;
         }
@@ -99,7 +103,7 @@ fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
             range.include([f64::INFINITY, f64::INFINITY]);
         }
     };
-    let centre = feasible(m.r, m.t, m);
+    let centre = feasible(model, m.r, m.t, m);
     for k in 0..DIRECTIONS {
         let (s, c) = (std::f64::consts::TAU * k as f64 / DIRECTIONS as f64).sin_cos();
         see(centre.r + width * m.r_err * c, centre.t + width * m.t_err * s);
@@ -109,8 +113,8 @@ fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
 }
 
 /// Whether the parameters' ranges at ±2σ agree with linear error propagation.
-pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precision: Precision) -> bool {
-    let Some(range) = range(m, WIDTH, precision) else { return false };
+pub(super) fn nearly_linear(model: &Model, m: &Measured, point: &Point, spread: &Spread, precision: Precision) -> bool {
+    let Some(range) = range(model, m, WIDTH, precision) else { return false };
     let centre = [point.absorbed * point.delta, point.omega * point.delta];
     (0..2).all(|k| {
         // Both sides are taken relative to the estimate: additive and multiplicative noise pass, a side that runs away
@@ -123,14 +127,14 @@ pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precis
 }
 
 /// The best estimate with large errors, and bounds by name. It uses the fast model, whose error is part of `m`.
-pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
+pub(super) fn undetermined(model: &Model, m: &Measured, h: f64) -> Estimate {
     let precision = Precision::Fast;
-    let best = feasible(m.r, m.t, m);
-    let centre = place(&best, precision);
-    let Some(range) = range(m, WIDTH, precision) else {
+    let best = feasible(model, m.r, m.t, m);
+    let centre = place(model, &best, precision);
+    let Some(range) = range(model, m, WIDTH, precision) else {
         return Estimate::refused(format!("no slab was found for rho_d {} and rho_t {}", m.r, m.t));
     };
-    let linear = centre.and_then(|c| c.1).map(|p| Spread::new(&p, &Measured { r: best.r, t: best.t, ..*m }));
+    let linear = centre.and_then(|c| c.1).map(|p| Spread::new(model, &p, &Measured { r: best.r, t: best.t, ..*m }));
     let mut value = centre.map_or([f64::INFINITY; 2], |c| c.0);
     let mut err = [0.0; 2];
     let mut open = Vec::new();
@@ -180,7 +184,7 @@ pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
 }
 
 /// A bound to two figures, rounded outward.
-fn figure(x: f64, up: bool) -> String {
+pub(super) fn figure(x: f64, up: bool) -> String {
     if x == 0.0 {
         return "0".into();
     }

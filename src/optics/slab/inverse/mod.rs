@@ -6,10 +6,14 @@
 //! its ellipse is carried through the model ([`bounds`]).
 
 mod bounds;
+mod model;
 mod newton;
+mod single;
 
 pub use mesophyll_error::Status;
+pub use model::Model;
 pub use newton::{Point, after_steps, solve};
+pub use single::{Coefficient, Share, Single, invert_single};
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Which forward model the answer is held to.
@@ -44,6 +48,9 @@ pub struct Estimate {
     pub status: Status,
 }
 
+/// How the refusal of a pair begins whose sum is above 1.
+pub const MORE_THAN_ALL: &str = "rho_d + rho_t";
+
 /// What was measured, and its standard errors.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Measured {
@@ -51,6 +58,18 @@ pub(crate) struct Measured {
     pub t: f64,
     pub r_err: f64,
     pub t_err: f64,
+}
+
+impl Measured {
+    /// What scattering adds to the reflectance of the faces at this transmittance.
+    fn above(&self, model: &Model) -> f64 {
+        self.r - model.mirror.reflectance(self.t.max(0.0)).0
+    }
+
+    /// Standard error of [`Measured::above`].
+    fn above_err(&self, model: &Model) -> f64 {
+        self.r_err.hypot(model.mirror.reflectance(self.t.max(0.0)).1 * self.t_err)
+    }
 }
 
 /// A parameter whose relative standard error is above this is not called determined.
@@ -69,8 +88,7 @@ const DEEP: f64 = 1e-30;
 /// Thicknesses that a slab of matter can have (mm): from the size of an atom to a kilometre. At far smaller ones σ
 /// would overflow.
 const THICKNESS_MM: [f64; 2] = [1e-7, 1e6];
-/// Relative error of the forward models in ρd and in −ln ρt.
-const FAST_MODEL: f64 = 4e-9;
+/// Relative error of the exact model in ρd and in −ln ρt.
 const EXACT_MODEL: f64 = 2e-10;
 
 /// Inverts one pair of measurements with the fast model; `rho_d_err` and `rho_t_err` are absolute standard errors ≥ 0.
@@ -89,20 +107,33 @@ pub fn invert_with(
     rho_d_err: f64,
     rho_t_err: f64,
 ) -> Estimate {
+    invert_in(Model::matched(), precision, rho_d, rho_t, thickness_mm, rho_d_err, rho_t_err)
+}
+
+/// [`invert_with`] of a slab with these faces. ρd is all that comes back, with the mirror reflection of the faces.
+pub fn invert_in(
+    model: &Model,
+    precision: Precision,
+    rho_d: f64,
+    rho_t: f64,
+    thickness_mm: f64,
+    rho_d_err: f64,
+    rho_t_err: f64,
+) -> Estimate {
     let mut measured = Measured { r: rho_d, t: rho_t, r_err: rho_d_err, t_err: rho_t_err };
-    if let Some(why) = impossible(&measured, thickness_mm) {
+    if let Some(why) = impossible(model, &measured, thickness_mm) {
         return Estimate::refused(why);
     }
     if rho_t.abs() < SMALLEST {
         measured.t = 0.0;
         measured.t_err = rho_t_err.hypot(if rho_t == 0.0 { 0.0 } else { SMALLEST });
     }
-    let stated_matters = rho_d_err.hypot(rho_t_err) > 30.0 * FAST_MODEL;
-    let coarse = with_model_error(&measured, FAST_MODEL);
+    let stated_matters = rho_d_err.hypot(rho_t_err) > 30.0 * model.error;
+    let coarse = with_model_error(model, &measured, model.error);
     // The table keeps the digits of ρt down to 1e-30.
     let deep = rho_t > 0.0 && rho_t < DEEP;
     let found = if precision == Precision::Fast && !deep {
-        determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast)
+        determined(model, &coarse, thickness_mm, Precision::Fast, Precision::Fast)
     } else {
         None
     };
@@ -112,26 +143,27 @@ pub fn invert_with(
     if precision == Precision::Exact || !stated_matters {
         let check = if stated_matters { Precision::Fast } else { Precision::Exact };
         if let Some(found) =
-            determined(&with_model_error(&measured, EXACT_MODEL), thickness_mm, Precision::Exact, check)
+            determined(model, &with_model_error(model, &measured, EXACT_MODEL), thickness_mm, Precision::Exact, check)
         {
             return found;
         }
     }
-    bounds::undetermined(&coarse, thickness_mm)
+    bounds::undetermined(model, &coarse, thickness_mm)
 }
 
 /// Adds the forward model's error and rounding to the stated errors.
-fn with_model_error(m: &Measured, model: f64) -> Measured {
-    let t = m.t.clamp(1e-300, 1.0);
+fn with_model_error(model: &Model, m: &Measured, error: f64) -> Measured {
+    let t = m.t.clamp(1e-300, model.mirror.clear());
     let widen = |stated: f64, own: f64, value: f64| {
         let rounding = if value == 0.0 && stated == 0.0 { ROUNDING } else { ROUNDING * value };
         stated.hypot(own).hypot(rounding)
     };
-    Measured { r_err: widen(m.r_err, model * m.r, m.r), t_err: widen(m.t_err, model * t * -t.ln(), m.t), ..*m }
+    let depth = model.log_clear - t.ln();
+    Measured { r_err: widen(m.r_err, error * m.above(model), m.r), t_err: widen(m.t_err, error * t * depth, m.t), ..*m }
 }
 
-/// Why no slab can have these measurements, if so.
-fn impossible(m: &Measured, h: f64) -> Option<String> {
+/// Why this thickness (mm) cannot be used, if so.
+fn thickness_trouble(h: f64) -> Option<String> {
     let [thinnest, thickest] = THICKNESS_MM;
     if !(h > 0.0 && h.is_finite()) {
         return Some(format!("h is {h}; expected a positive thickness"));
@@ -139,20 +171,51 @@ fn impossible(m: &Measured, h: f64) -> Option<String> {
     if !(thinnest..=thickest).contains(&h) {
         return Some(format!("h is {h:e} mm; expected a thickness of {thinnest:e} to {thickest:e} mm"));
     }
-    for (name, value, err) in [("rho_d", m.r, m.r_err), ("rho_t", m.t, m.t_err)] {
-        if !value.is_finite() {
-            return Some(format!("{name} is {value}; expected a fraction between 0 and 1"));
-        }
-        if !(err >= 0.0 && err.is_finite()) {
-            return Some(format!("{name}_err is {err}; expected a standard error of 0 or more"));
-        }
-        if value < -IMPOSSIBLE * (err + ROUNDING) {
-            return Some(format!("{name} is {value}; negative beyond the stated noise"));
-        }
+    None
+}
+
+/// Why this is no share of light with a standard error, if so.
+fn no_share(name: &str, value: f64, err: f64) -> Option<String> {
+    if !value.is_finite() {
+        return Some(format!("{name} is {value}; expected a fraction between 0 and 1"));
+    }
+    if !(err >= 0.0 && err.is_finite()) {
+        return Some(format!("{name}_err is {err}; expected a standard error of 0 or more"));
+    }
+    if value > 1.0 + IMPOSSIBLE * (err + ROUNDING) {
+        return Some(format!("{name} is {value}; expected a fraction between 0 and 1 (is it in per cent?)"));
+    }
+    if value < -IMPOSSIBLE * (err + ROUNDING) {
+        return Some(format!("{name} is {value}; negative beyond the stated noise"));
+    }
+    None
+}
+
+/// Why no slab can have these measurements, if so.
+fn impossible(model: &Model, m: &Measured, h: f64) -> Option<String> {
+    let shares = || no_share("rho_d", m.r, m.r_err).or_else(|| no_share("rho_t", m.t, m.t_err));
+    if let Some(why) = thickness_trouble(h).or_else(shares) {
+        return Some(why);
     }
     let excess = m.r + m.t - 1.0;
     if excess > IMPOSSIBLE * (m.r_err.hypot(m.t_err) + ROUNDING) {
-        return Some(format!("rho_d + rho_t is {}; more than 1 beyond the stated noise", m.r + m.t));
+        return Some(format!("{MORE_THAN_ALL} is {}; more than 1 beyond the stated noise", m.r + m.t));
+    }
+    let clear = model.mirror.clear();
+    if m.t - clear > IMPOSSIBLE * (m.t_err + ROUNDING) {
+        return Some(format!(
+            "rho_t is {}; the faces of a slab of index {} let through at most {clear:.4}: is the index too large?",
+            m.t, model.index
+        ));
+    }
+    if m.above(model) < -IMPOSSIBLE * (m.above_err(model) + ROUNDING) {
+        return Some(format!(
+            "rho_d is {}; at this rho_t the faces of a slab of index {} reflect {:.4} by themselves: is the index too \
+             large, or rho_d measured without the mirror reflection?",
+            m.r,
+            model.index,
+            m.r - m.above(model)
+        ));
     }
     if m.r_err > 1.0 || m.t_err > 1.0 {
         return Some(format!("the stated noise {} leaves nothing to fit", m.r_err.max(m.t_err)));
@@ -164,20 +227,20 @@ fn impossible(m: &Measured, h: f64) -> Option<String> {
 /// the model itself.
 ///
 /// `check` is the model that decides such cases: the fast one, unless noise is below the fast model's own error.
-fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> Option<Estimate> {
+fn determined(model: &Model, m: &Measured, h: f64, precision: Precision, check: Precision) -> Option<Estimate> {
     let lost = 1.0 - m.r - m.t;
-    if !(m.r > 2.0 * m.r_err && m.t > OPAQUE * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
+    if !(m.above(model) > 2.0 * m.above_err(model) && m.t > OPAQUE * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
         return None;
     }
-    let point = newton::solve(m.r, m.t, lost, precision)?;
-    let spread = Spread::new(&point, m);
+    let point = newton::solve(model, m.above(model), m.t, lost, precision)?;
+    let spread = Spread::new(model, &point, m);
     let (ra, rs) = (spread.relative[0], spread.relative[1]);
     if !(ra <= DETERMINED && rs <= DETERMINED) {
         return None;
     }
     // Far from the edges, errors of up to DETERMINED carry over linearly everywhere; a test goes through them. To ask
     // the model there too would take ten times as long as the inversion itself.
-    if near_edge(m, lost) && !bounds::nearly_linear(m, &point, &spread, check) {
+    if near_edge(model, m, lost) && !bounds::nearly_linear(model, m, &point, &spread, check) {
         return None;
     }
     Some(spread.estimate(&point, h, Status::Ok))
@@ -185,8 +248,8 @@ fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> O
 
 /// Whether the noise may reach a black, an opaque or a conservative slab, where σ by the measurements is anything but
 /// linear.
-fn near_edge(m: &Measured, lost: f64) -> bool {
-    m.r < 6.0 * m.r_err || m.t < 12.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err)
+fn near_edge(model: &Model, m: &Measured, lost: f64) -> bool {
+    m.above(model) < 6.0 * m.above_err(model) || m.t < 12.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err)
 }
 
 /// Standard errors by linear propagation.
@@ -198,9 +261,9 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    pub fn new(point: &Point, m: &Measured) -> Spread {
+    pub fn new(model: &Model, point: &Point, m: &Measured) -> Spread {
         // rows: ln σa, ln σs; columns: ρd, ρt
-        let g = point.log_sigma_by_measured(m.r, m.t);
+        let g = point.log_sigma_by_measured(model, m.r, m.t);
         // The products are formed before they are squared: the squares of the errors alone would underflow at a
         // transmittance of 1e-200.
         let e = [[g[0][0] * m.r_err, g[0][1] * m.t_err], [g[1][0] * m.r_err, g[1][1] * m.t_err]];
@@ -244,5 +307,7 @@ impl Estimate {
     }
 }
 
+#[cfg(test)]
+mod faces_tests;
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,9 @@
 //! Newton's method in (L, M) = (ln(σs/σa), ln Δ) on F₁ = ln(ρd/α) and F₂ = ln(−ln ρt), from a tabulated start.
 
 use super::Precision;
-use crate::slab::table::{DELTA_MAX, DELTA_MIN, Scaled, Table};
-use crate::slab::{exact, reduced};
+use super::model::Model;
 use mesophyll_solve::Termination;
 use mesophyll_solve::damped::{self, Control, Damped, newton_step};
-use std::sync::OnceLock;
 
 /// A slab: ω, 1−ω and Δ, and ∂(F₁, F₂)/∂(L, M) there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,7 +14,7 @@ pub struct Point {
     pub absorbed: f64,
     /// Optical thickness Δ = (σa + σs) h.
     pub delta: f64,
-    jacobian: [[f64; 2]; 2],
+    pub(super) jacobian: [[f64; 2]; 2],
 }
 
 /// Grid of the start: F₁ and F₂ from LOW in steps of STEP.
@@ -26,9 +24,12 @@ const COUNT: [usize; 2] = [57, 63];
 
 impl Point {
     /// ∂(ln σa, ln σs)/∂(ρd, ρt).
-    pub fn log_sigma_by_measured(&self, r: f64, t: f64) -> [[f64; 2]; 2] {
+    pub fn log_sigma_by_measured(&self, model: &Model, r: f64, t: f64) -> [[f64; 2]; 2] {
         let lost = 1.0 - r - t;
-        let f = [[1.0 / r + 1.0 / lost, 1.0 / lost], [0.0, 1.0 / (t * t.ln())]];
+        let (floor, slope) = model.mirror.reflectance(t);
+        let above = r - floor;
+        let depth = model.log_clear - t.ln();
+        let f = [[1.0 / above + 1.0 / lost, 1.0 / lost - slope / above], [0.0, -1.0 / (t * depth)]];
         let j = self.jacobian;
         let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
         let inverse = [[j[1][1] / det, -j[0][1] / det], [-j[1][0] / det, j[0][0] / det]];
@@ -43,97 +44,42 @@ impl Point {
     }
 }
 
-/// The slab with reflectance `r`, transmittance `t` and `lost` = 1 − r − t, all > 0. `None` only where the range of
-/// numbers is exhausted.
-pub fn solve(r: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
-    let target = [(r / lost).ln(), (-t.ln()).ln()];
+/// The slab whose reflectance is `above` what its faces reflect at this transmittance `t`, and `lost` = 1 − r − t, all > 0.
+/// `None` only where the range of numbers is exhausted.
+pub fn solve(model: &Model, above: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
+    let target = [(above / lost).ln(), (model.log_clear - t.ln()).ln()];
     if !(target[0].is_finite() && target[1].is_finite()) {
         return None;
     }
-    let start = start(r, t, lost, target);
-    let point = iterate(start, target)?;
+    let start = start(model, above, t, lost, target);
+    let point = iterate(model, start, target)?;
     match precision {
         Precision::Fast => Some(point),
-        Precision::Exact => refine(point, target),
+        Precision::Exact => refine(model, point, target),
     }
 }
 
-/// The result of `steps` plain Newton steps from the tabulated start, as (1−ω, ω, Δ). It serves the sweep over the
-/// number of steps.
+/// The result of `steps` plain Newton steps from the tabulated start, as (1−ω, ω, Δ), without reflecting faces. It serves
+/// the sweep over the number of steps.
 pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
+    let model = Model::matched();
     let target = [(r / lost).ln(), (-t.ln()).ln()];
-    let [mut l, mut m] = start(r, t, lost, target);
+    let [mut l, mut m] = start(model, r, t, lost, target);
     for _ in 0..steps {
-        let (f, point) = model(l, m);
+        let (f, point) = model.at(l, m);
         let step = newton_step(&point.jacobian, [target[0] - f[0], target[1] - f[1]]);
         (l, m) = (l + step[0], m + step[1]);
     }
     [1.0 / (1.0 + l.exp()), 1.0 / (1.0 + (-l).exp()), m.exp()]
 }
 
-/// F and its Jacobian from the fast model.
-#[inline]
-fn model(l: f64, m: f64) -> ([f64; 2], Point) {
-    let e = (-l.abs()).exp();
-    let (small, large) = (e / (1.0 + e), 1.0 / (1.0 + e));
-    let (omega, absorbed) = if l > 0.0 { (large, small) } else { (small, large) };
-    let delta = m.exp();
-    if (DELTA_MIN..=DELTA_MAX).contains(&delta) {
-        let table = Table::committed();
-        let (r, depth, r_by, depth_by) = fluxes(&table.at_log(absorbed, delta, m), omega, absorbed, delta);
-        let blocked = -(-depth).exp_m1();
-        let t = 1.0 - blocked;
-        let lost_by =
-            |t: f64, depth_by: [f64; 2], r_by: [f64; 2]| [t * depth_by[0] - r_by[0], t * depth_by[1] - r_by[1]];
-        let mut lost = blocked - r;
-        let mut change = lost_by(t, depth_by, r_by);
-        if absorbed < NEARLY_CONSERVATIVE {
-            // At ω = 1 the table itself loses about 1e-10 of the light, which would hide a smaller true loss.
-            let (r0, depth0, r0_by, depth0_by) = fluxes(&table.at_log(0.0, delta, m), 1.0, 0.0, delta);
-            let t0 = (-depth0).exp();
-            lost += (-depth0).exp_m1() + r0;
-            change[1] -= lost_by(t0, depth0_by, r0_by)[1];
-        }
-        let f1 = |k: usize| r_by[k] / r - change[k] / lost;
-        let jacobian = [[f1(0), f1(1)], [depth_by[0] / depth, depth_by[1] / depth]];
-        ([(r / lost).ln(), depth.ln()], Point { omega, absorbed, delta, jacobian })
-    } else {
-        let (at, [by_a, by_d]) = reduced(omega, absorbed, delta);
-        let (r, t) = (at.rho_d, at.rho_t.max(1e-300));
-        let lost = 1.0 - r - t;
-        let turn = -omega * absorbed;
-        let (r_by, t_by) = ([by_a.rho_d * turn, by_d.rho_d * delta], [by_a.rho_t * turn, by_d.rho_t * delta]);
-        let f1 = |k: usize| r_by[k] / r + (t_by[k] + r_by[k]) / lost;
-        let jacobian = [[f1(0), f1(1)], [t_by[0] / (t * t.ln()), t_by[1] / (t * t.ln())]];
-        ([(r / lost).ln(), (-t.ln()).ln()], Point { omega, absorbed, delta, jacobian })
-    }
-}
-
-/// Where 1−ω is below this, the table's own loss is subtracted.
-const NEARLY_CONSERVATIVE: f64 = 1e-3;
-
-/// ρd, −ln ρt and their derivatives by L and M.
-#[inline]
-fn fluxes(s: &Scaled, omega: f64, absorbed: f64, delta: f64) -> (f64, f64, [f64; 2], [f64; 2]) {
-    let h = delta / (1.0 + delta);
-    // by L: d(1−ω) = −ω(1−ω) dL; by M: dΔ = Δ dM
-    let turn = -omega * absorbed;
-    let r_by = [
-        h * omega * (absorbed * s.g[0] + s.by_absorbed[0] * turn),
-        omega * h * (s.g[0] / (1.0 + delta) + delta * s.by_delta[0]),
-    ];
-    let depth_by = [delta * s.by_absorbed[1] * turn, delta * (s.g[1] + delta * s.by_delta[1])];
-    (omega * h * s.g[0], delta * s.g[1], r_by, depth_by)
-}
-
-/// The conservative slab (ω = 1) with transmittance `t` in (0, 1); the Jacobian is left singular.
-pub fn conservative(t: f64) -> Option<Point> {
-    let mut m = two_flux(1.0 - t, t, 1e-300)[1];
+/// The conservative slab (ω = 1) with transmittance `t` between 0 and the clear slab's; the Jacobian is left singular.
+pub fn conservative(model: &Model, t: f64) -> Option<Point> {
+    let clear = model.mirror.clear();
+    let mut m = two_flux(1.0 - t / clear, t / clear, 1e-300)[1];
     for _ in 0..60 {
-        let (at, [_, by_delta]) = reduced(1.0, 0.0, m.exp());
-        // in ln(ρd/ρt), which runs from −∞ to ∞ with ln Δ
-        let miss = ((1.0 - t) / t).ln() - (at.rho_d / at.rho_t).ln();
-        let slope = (by_delta.rho_d / at.rho_d - by_delta.rho_t / at.rho_t) * m.exp();
+        let (value, slope) = model.conservative(m);
+        let miss = ((clear - t) / t).ln() - value;
         let step = (miss / slope).clamp(-2.0, 2.0);
         if !step.is_finite() {
             return None;
@@ -147,8 +93,8 @@ pub fn conservative(t: f64) -> Option<Point> {
 }
 
 /// Takes Newton steps towards the target F; a step is halved where the residual does not fall.
-fn iterate(start: [f64; 2], target: [f64; 2]) -> Option<Point> {
-    let mut search = Search { target, evaluations: 0 };
+fn iterate(model: &Model, start: [f64; 2], target: [f64; 2]) -> Option<Point> {
+    let mut search = Search { model, target, evaluations: 0 };
     let start = search.place(start);
     let (found, end) = damped::minimize(&mut search, start, &Control::HALVED);
     end.converged().then_some(found.point)
@@ -158,7 +104,8 @@ fn iterate(start: [f64; 2], target: [f64; 2]) -> Option<Point> {
 const EVALUATIONS: usize = 60;
 
 /// The target F, and how often the model was evaluated.
-struct Search {
+struct Search<'a> {
+    model: &'a Model,
     target: [f64; 2],
     evaluations: usize,
 }
@@ -171,17 +118,17 @@ struct Place {
     size: f64,
 }
 
-impl Search {
+impl Search<'_> {
     #[inline]
     fn place(&mut self, at: [f64; 2]) -> Place {
         self.evaluations += 1;
-        let (f, point) = model(at[0], at[1]);
+        let (f, point) = self.model.at(at[0], at[1]);
         let left = [self.target[0] - f[0], self.target[1] - f[1]];
         Place { at, point, left, size: left[0].abs().max(left[1].abs()) }
     }
 }
 
-impl Damped for Search {
+impl Damped for Search<'_> {
     type Point = Place;
     type Step = [f64; 2];
 
@@ -248,11 +195,10 @@ fn moved(p: &Point, step: [f64; 2]) -> Point {
 }
 
 /// Corrects a converged point by the exact model's residual with the fast model's Jacobian.
-fn refine(mut point: Point, target: [f64; 2]) -> Option<Point> {
+fn refine(model: &Model, mut point: Point, target: [f64; 2]) -> Option<Point> {
     for _ in 0..4 {
-        let (r, log_t) = exact::solve_log(1.0, point.omega, point.absorbed, point.delta);
-        let lost = -log_t.exp_m1() - r;
-        let d = [target[0] - (r / lost).ln(), target[1] - (-log_t).ln()];
+        let f = model.exact(point.omega, point.absorbed, point.delta);
+        let d = [target[0] - f[0], target[1] - f[1]];
         let step = newton_step(&point.jacobian, d);
         let long = longest(&step);
         if !long.is_finite() {
@@ -284,10 +230,9 @@ fn two_flux(r: f64, t: f64, lost: f64) -> [f64; 2] {
 
 /// The start: the two-flux estimate, corrected by a bicubic table of its errors.
 #[inline]
-fn start(r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
-    static GRID: OnceLock<Vec<[f64; 2]>> = OnceLock::new();
-    let grid = GRID.get_or_init(corrections);
-    let base = two_flux(r, t, lost);
+fn start(model: &Model, r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
+    let grid = model.starts.get_or_init(|| corrections(model));
+    let base = if model.mirror.is_none() { two_flux(r, t, lost) } else { two_flux_at(f) };
     let mut cell = [0usize; 2];
     let mut weight = [[0.0; 4]; 2];
     for d in 0..2 {
@@ -313,15 +258,20 @@ fn start(r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
     out
 }
 
+/// The two-flux estimate at F.
+fn two_flux_at(f: [f64; 2]) -> [f64; 2] {
+    let depth = f[1].exp();
+    let lost = -(-depth).exp_m1() / (1.0 + f[0].exp());
+    two_flux(lost * f[0].exp(), (-depth).exp(), lost)
+}
+
 /// The errors of the two-flux estimate over the grid. Each point starts from its neighbour's correction.
-fn corrections() -> Vec<[f64; 2]> {
+fn corrections(model: &Model) -> Vec<[f64; 2]> {
     let mut grid: Vec<[f64; 2]> = Vec::with_capacity(COUNT[0] * COUNT[1]);
     for i in 0..COUNT[0] {
         for j in 0..COUNT[1] {
             let f = [LOW[0] + STEP[0] * i as f64, LOW[1] + STEP[1] * j as f64];
-            let depth = f[1].exp();
-            let lost = -(-depth).exp_m1() / (1.0 + f[0].exp());
-            let base = two_flux(lost * f[0].exp(), (-depth).exp(), lost);
+            let base = two_flux_at(f);
             let near = if j > 0 {
                 grid[i * COUNT[1] + j - 1]
             } else if i > 0 {
@@ -329,7 +279,7 @@ fn corrections() -> Vec<[f64; 2]> {
             } else {
                 [0.0, 0.0]
             };
-            let found = iterate([base[0] + near[0], base[1] + near[1]], f);
+            let found = iterate(model, [base[0] + near[0], base[1] + near[1]], f);
             grid.push(found.map_or(near, |p| [(p.omega / p.absorbed).ln() - base[0], p.delta.ln() - base[1]]));
         }
     }

@@ -3,11 +3,11 @@ use crate::slab::{exact, response};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-fn log_uniform(rng: &mut Pcg64Mcg, low: f64, high: f64) -> f64 {
+pub(super) fn log_uniform(rng: &mut Pcg64Mcg, low: f64, high: f64) -> f64 {
     (low.ln() + (high / low).ln() * rng.random::<f64>()).exp()
 }
 
-fn gaussian(rng: &mut Pcg64Mcg) -> f64 {
+pub(super) fn gaussian(rng: &mut Pcg64Mcg) -> f64 {
     let u: f64 = 1.0 - rng.random::<f64>();
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * rng.random::<f64>()).cos()
 }
@@ -220,17 +220,19 @@ fn far_from_the_edges_determined_errors_are_linear() {
         };
         let lost = 1.0 - r - t;
         let ratio = log_uniform(&mut rng, 0.1, 10.0);
-        let Some(point) = (if lost > 0.0 { solve(r, t, lost, Precision::Fast) } else { None }) else { continue };
+        let Some(point) = (if lost > 0.0 { solve(Model::matched(), r, t, lost, Precision::Fast) } else { None }) else {
+            continue;
+        };
         // The largest noise of this ratio that leaves both parameters determined.
         let unit = Measured { r, t, r_err: 1e-3 * ratio, t_err: 1e-3 / ratio };
-        let scale = DETERMINED / Spread::new(&point, &unit).relative.into_iter().fold(0.0, f64::max);
+        let scale = DETERMINED / Spread::new(Model::matched(), &point, &unit).relative.into_iter().fold(0.0, f64::max);
         let m = Measured { r_err: scale * unit.r_err, t_err: scale * unit.t_err, ..unit };
-        if near_edge(&m, lost) {
+        if near_edge(Model::matched(), &m, lost) {
             continue;
         }
         asked += 1;
-        let spread = Spread::new(&point, &m);
-        assert!(bounds::nearly_linear(&m, &point, &spread, Precision::Fast), "{m:?}");
+        let spread = Spread::new(Model::matched(), &point, &m);
+        assert!(bounds::nearly_linear(Model::matched(), &m, &point, &spread, Precision::Fast), "{m:?}");
     }
     assert!(asked > 500, "{asked}");
 }

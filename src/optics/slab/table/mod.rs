@@ -12,6 +12,8 @@ use super::Response;
 use mesophyll_processor::InstructionSet;
 use std::sync::OnceLock;
 
+pub mod build;
+
 /// Number of polynomial coefficients in each direction.
 pub(crate) const ORDER: usize = 10;
 /// How many numbers there are for one power of ξ.
@@ -47,6 +49,10 @@ struct Patch {
 
 /// Patches in rows of q, a row's patches ordered by ξ.
 pub struct Table {
+    /// Δ from and to which the table reaches.
+    pub range: [f64; 2],
+    /// Twice the extrapolated distance in [`coordinate`].
+    extrapolated: f64,
     rows: Vec<Row>,
     /// Lowest q, number of cells in a unit of q, and the row of each cell. Every row covers a whole number of cells.
     lowest: f64,
@@ -62,8 +68,8 @@ struct Row {
 
 /// The coordinate ξ and its derivatives by 1−ω and Δ.
 #[inline]
-fn coordinate(absorbed: f64, delta: f64) -> (f64, f64, f64) {
-    let d = delta + EXTRAPOLATED;
+fn coordinate(absorbed: f64, delta: f64, extrapolated: f64) -> (f64, f64, f64) {
+    let d = delta + extrapolated;
     let c = SHARPNESS * d * d;
     let whole = (1.0 + c).ln();
     let small = c * absorbed;
@@ -75,8 +81,8 @@ fn coordinate(absorbed: f64, delta: f64) -> (f64, f64, f64) {
 }
 
 /// 1−ω at a coordinate.
-fn absorbed_at(xi: f64, delta: f64) -> f64 {
-    let d = delta + EXTRAPOLATED;
+fn absorbed_at(xi: f64, delta: f64, extrapolated: f64) -> f64 {
+    let d = delta + extrapolated;
     let c = SHARPNESS * d * d;
     ((xi * c.ln_1p()).exp_m1() / c).min(1.0)
 }
@@ -85,7 +91,9 @@ impl Table {
     /// The committed table.
     pub fn committed() -> &'static Table {
         static TABLE: OnceLock<Table> = OnceLock::new();
-        TABLE.get_or_init(|| Table::read(include_bytes!("../../../data/slab/response.bin")))
+        TABLE.get_or_init(|| {
+            Table::read(include_bytes!("../../../../data/slab/response.bin"), [DELTA_MIN, DELTA_MAX], EXTRAPOLATED)
+        })
     }
 
     /// G₁, G₂ and derivatives for DELTA_MIN ≤ Δ ≤ DELTA_MAX, 0 ≤ 1−ω ≤ 1.
@@ -97,7 +105,7 @@ impl Table {
     /// [`Table::at`] where q = ln Δ is known.
     #[inline]
     pub(crate) fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> Scaled {
-        let (xi, xi_a, xi_d) = coordinate(absorbed, delta);
+        let (xi, xi_a, xi_d) = coordinate(absorbed, delta, self.extrapolated);
         let cell = ((q - self.lowest) * self.density) as usize;
         let row = &self.rows[usize::from(self.row_of_cell[cell.min(self.row_of_cell.len() - 1)])];
         let patch = &row.patches[row.tops.iter().take_while(|&&t| xi > t).count().min(row.patches.len() - 1)];
@@ -115,7 +123,18 @@ impl Table {
     /// A new table over Δ from `delta[0]` to `delta[1]` whose largest error is about `tolerance`. It serves the sweep
     /// over table sizes.
     pub fn made(delta: [f64; 2], tolerance: f64) -> Table {
-        Table::read(&build::bytes_over(delta, tolerance, |_| {}))
+        Table::of(&build::Source {
+            delta,
+            extrapolated: EXTRAPOLATED,
+            tolerance,
+            checks: build::CHECKS,
+            scaled: &build::matched,
+        })
+    }
+
+    /// A table of any G₁ and G₂.
+    pub(crate) fn of(source: &build::Source) -> Table {
+        Table::read(&build::bytes_of(source, |_| {}), source.delta, source.extrapolated)
     }
 
     /// ρd and ρt within the table's range of Δ.
@@ -131,11 +150,12 @@ impl Table {
     }
 
     /// Reads a table written by [`build::bytes`].
-    fn read(bytes: &[u8]) -> Table {
+    fn read(bytes: &[u8], range: [f64; 2], extrapolated: f64) -> Table {
         let mut numbers =
             bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
         let mut next = || numbers.next().unwrap_or(f64::NAN);
-        let mut table = Table { rows: Vec::new(), lowest: 0.0, density: 0.0, row_of_cell: Vec::new() };
+        let mut table =
+            Table { range, extrapolated, rows: Vec::new(), lowest: 0.0, density: 0.0, row_of_cell: Vec::new() };
         let mut spans = Vec::new();
         for _ in 0..next() as usize {
             let (low, high) = (next(), next());
@@ -237,160 +257,4 @@ pub(crate) fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [
             Response { rho_d: by_delta, rho_t: by_delta - (-delta).exp() },
         ],
     )
-}
-
-pub mod build {
-    //! How the committed table is made: `cargo test --release slab_table_is_made_again -- --ignored`.
-
-    use super::{DELTA_MAX, DELTA_MIN, ORDER, Patch, WIDTH, absorbed_at};
-    use crate::slab::exact;
-    use std::f64::consts::PI;
-
-    /// Rows of equal width in ln Δ.
-    const ROWS: usize = 19;
-    /// Check points in each direction: the nodes of the interpolation, and as many between them.
-    const CHECKS: usize = ORDER;
-    /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below
-    /// this.
-    const TOLERANCE: f64 = 2e-10;
-
-    /// G₁ and G₂ from the exact solution.
-    fn truth(q: f64, xi: f64) -> [f64; 2] {
-        let delta = q.exp();
-        let absorbed = absorbed_at(xi, delta);
-        let omega = 1.0 - absorbed;
-        let (rho_d, log_t) = exact::solve_log(1.0, omega, absorbed, delta);
-        [rho_d * (1.0 + delta) / (omega * delta), -log_t / delta]
-    }
-
-    /// Chebyshev interpolation, turned into powers.
-    fn fit(low: [f64; 2], high: [f64; 2]) -> Patch {
-        let node = |k: usize| (PI * (k as f64 + 0.5) / ORDER as f64).cos();
-        // powers[m][k]: coefficient of x^k in T_m
-        let mut powers = [[0.0; ORDER]; ORDER];
-        powers[0][0] = 1.0;
-        powers[1][1] = 1.0;
-        for m in 2..ORDER {
-            for k in 0..ORDER {
-                powers[m][k] = if k > 0 { 2.0 * powers[m - 1][k - 1] } else { 0.0 } - powers[m - 2][k];
-            }
-        }
-        // lagrange[i][k]: coefficient of x^k in the polynomial that is 1 at node i and 0 at the others
-        let mut lagrange = [[0.0; ORDER]; ORDER];
-        for i in 0..ORDER {
-            for m in 0..ORDER {
-                let weight = if m == 0 { 1.0 } else { 2.0 } / ORDER as f64 * (m as f64 * node(i).acos()).cos();
-                for k in 0..ORDER {
-                    lagrange[i][k] += weight * powers[m][k];
-                }
-            }
-        }
-        let place = |d: usize, t: f64| 0.5 * (low[d] + high[d]) + 0.5 * (high[d] - low[d]) * t;
-        let mut coefficients = vec![[0.0; WIDTH]; ORDER];
-        for i in 0..ORDER {
-            for j in 0..ORDER {
-                let g = truth(place(0, node(j)), place(1, node(i)));
-                for a in 0..ORDER {
-                    for b in 0..ORDER {
-                        for s in 0..2 {
-                            coefficients[a][2 * b + s] += g[s] * lagrange[i][a] * lagrange[j][b];
-                        }
-                    }
-                }
-            }
-        }
-        Patch::new(low, high, coefficients)
-    }
-
-    /// Largest errors at check points between the nodes of q (first) and of ξ (second).
-    fn worst(patch: &Patch, low: [f64; 2], high: [f64; 2]) -> [f64; 2] {
-        let mut worst = [0.0; 2];
-        for i in 0..CHECKS {
-            for j in 0..CHECKS {
-                let (node, between) =
-                    (-(PI * (i as f64 + 0.5) / CHECKS as f64).cos(), -1.0 + 2.0 * j as f64 / (CHECKS - 1) as f64);
-                for direction in 0..2 {
-                    let (x, y) = if direction == 0 { (node, between) } else { (between, node) };
-                    let q = 0.5 * (low[0] + high[0]) + 0.5 * (high[0] - low[0]) * y;
-                    let xi = 0.5 * (low[1] + high[1]) + 0.5 * (high[1] - low[1]) * x;
-                    let (got, want) = (patch.evaluate(x, y).0, truth(q, xi.min(1.0 - 1e-12)));
-                    let delta = q.exp();
-                    // Below e^−72 (about 5e-32) only the order of magnitude of the transmittance matters.
-                    let deep = if want[1] * delta > 72.0 { 1e-5 } else { 1.0 };
-                    let error = (got[0] / want[0] - 1.0).abs().max((got[1] - want[1]).abs() * delta.max(1e-3) * deep);
-                    worst[direction] = error.max(worst[direction]);
-                }
-            }
-        }
-        worst
-    }
-
-    /// The patches of one row and their largest error; `None` where the row is too wide.
-    fn row(q0: f64, q1: f64, tolerance: f64) -> Option<(Vec<(f64, Patch)>, f64)> {
-        let mut done = Vec::new();
-        let mut todo = vec![(0.0, 1.0)];
-        let mut largest: f64 = 0.0;
-        while let Some((left, right)) = todo.pop() {
-            let patch = fit([q0, left], [q1, right]);
-            let error = worst(&patch, [q0, left], [q1, right]);
-            let allowed = tolerance * (q1.exp() / 4.0).powi(3).clamp(1.0, 25.0);
-            if error[0].max(error[1]) <= allowed {
-                largest = largest.max(error[0]).max(error[1]);
-                done.push((right, patch));
-            } else if error[0] <= 0.5 * allowed || error[0] < 0.1 * error[1] {
-                let middle = 0.5 * (left + right);
-                todo.push((middle, right));
-                todo.push((left, middle));
-            } else {
-                return None;
-            }
-        }
-        Some((done, largest))
-    }
-
-    /// The bytes of the committed table; `say` is called with a line for each row.
-    pub fn bytes(say: impl FnMut(String)) -> Vec<u8> {
-        bytes_over([DELTA_MIN, DELTA_MAX], TOLERANCE, say)
-    }
-
-    /// The bytes of a table over a range of Δ, made to a tolerance.
-    pub(crate) fn bytes_over(delta: [f64; 2], tolerance: f64, mut say: impl FnMut(String)) -> Vec<u8> {
-        let [bottom, top] = delta.map(f64::ln);
-        // Rows are as wide as the committed table's; a loose tolerance allows wider ones.
-        let widest = (DELTA_MAX / DELTA_MIN).ln() / ROWS as f64 * if tolerance > 1e-7 { 2.0 } else { 1.0 };
-        let count = ((top - bottom) / widest).round().max(1.0) as usize;
-        let mut todo: Vec<(f64, f64)> = (0..count)
-            .rev()
-            .map(|r| {
-                (
-                    bottom + (top - bottom) * r as f64 / count as f64,
-                    bottom + (top - bottom) * (r + 1) as f64 / count as f64,
-                )
-            })
-            .collect();
-        let mut rows = Vec::new();
-        while let Some((q0, q1)) = todo.pop() {
-            match row(q0, q1, tolerance) {
-                Some((patches, largest)) => {
-                    say(format!(
-                        "Δ {:9.2e} … {:9.2e}: {} patches, largest error {largest:.1e}",
-                        q0.exp(),
-                        q1.exp(),
-                        patches.len()
-                    ));
-                    rows.push((q0, q1, patches));
-                }
-                None => todo.extend([(0.5 * (q0 + q1), q1), (q0, 0.5 * (q0 + q1))]),
-            }
-        }
-        let mut numbers = vec![rows.len() as f64];
-        for (q0, q1, patches) in rows {
-            numbers.extend([q0, q1, patches.len() as f64]);
-            for (right, patch) in patches {
-                numbers.push(right);
-                numbers.extend(patch.coefficients.iter().flatten());
-            }
-        }
-        numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
-    }
 }

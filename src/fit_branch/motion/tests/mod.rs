@@ -1,3 +1,8 @@
+mod faults;
+mod free;
+
+use super::spectra::Spectra;
+use super::whittle::{Expected, Parameters};
 use super::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -13,7 +18,8 @@ fn normal(rng: &mut Pcg64) -> f64 {
 /// fit's formulas.
 fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
-    let sub = 20;
+    // So many steps between readings that each turns the oscillation by less than .03 (rounding of steps is then below 1e-4).
+    let sub = 20u32.max((TAU * f * step / 0.03).ceil() as u32);
     let (dt, omega2) = (step / f64::from(sub), (TAU * f).powi(2));
     let (mut x, mut v) = (0.0, 0.0);
     let mut out = Vec::with_capacity(n);
@@ -40,7 +46,7 @@ fn an_oscillator_that_is_stepped_in_time_is_found_within_its_errors() {
     let pulls: Vec<[f64; 3]> = (0..24u64)
         .into_par_iter()
         .map(|seed| {
-            let record = Record { step, channels: vec![stepped(f, gamma, 3.0, step, 2048, seed)] };
+            let record = Record { step, channels: vec![stepped(f, gamma, 3.0, step, 2048, seed)], ..Record::default() };
             let found = fit(&record, &Known { speed: Some(1e9), ..Known::default() }).unwrap();
             assert!(found.resonance.error < 0.05 && found.bins > 100);
             let pull = |v: Value, truth: f64| (v.value - truth) / v.error;
@@ -61,9 +67,10 @@ fn an_oscillator_that_is_stepped_in_time_is_found_within_its_errors() {
 fn the_mean_of_periodograms_is_as_expected() {
     let (f, gamma, step, n) = (2.0f64, 1.5, 0.1, 256);
     let known = Known { speed: Some(1e9), ..Known::default() };
-    let expected = Expected::new(n, step, &known, (1, n / 2 - 1));
+    let spectra = Spectra::new(&[vec![1.0; n]], step, 0.0, 0.0, 0);
+    let expected = Expected::new(&spectra, &known, (1, n / 2 - 1), false);
     let gain2 = 2.0 / (TAU * f).powi(4);
-    let mean = expected.mean(&Parameters(vec![f.ln(), f64::ln(gamma), 0.0]));
+    let mean = expected.mean(&Parameters(vec![f.ln(), f64::ln(gamma), 0.0])).remove(0);
     let runs = 400;
     let all: Vec<Vec<f64>> =
         (0..runs).into_par_iter().map(|s| periodogram(&stepped(f, gamma, 1.0, step, n, 50 + s), step)).collect();
@@ -77,11 +84,11 @@ fn the_mean_of_periodograms_is_as_expected() {
 
 #[test]
 fn what_cannot_be_fitted_says_why() {
-    let still = Record { step: 0.1, channels: vec![vec![1.0; 200]] };
+    let still = Record { step: 0.1, channels: vec![vec![1.0; 200]], ..Record::default() };
     assert!(fit(&still, &Known::default()).unwrap_err().contains("nothing moves"));
-    let short = Record { step: 0.1, channels: vec![vec![1.0; 20]] };
+    let short = Record { step: 0.1, channels: vec![vec![1.0; 20]], ..Record::default() };
     assert!(fit(&short, &Known::default()).unwrap_err().contains("20 readings"));
-    let record = Record { step: 0.05, channels: vec![stepped(1.3, 2.0, 3.0, 0.05, 512, 1)] };
+    let record = Record { step: 0.05, channels: vec![stepped(1.3, 2.0, 3.0, 0.05, 512, 1)], ..Record::default() };
     let none = Known { band: [Some(3.0), Some(3.1)], ..Known::default() };
     assert!(fit(&record, &none).unwrap_err().contains("frequencies from"));
     // The band begins beyond the frequencies that the readings resolve.
@@ -96,9 +103,47 @@ fn what_cannot_be_fitted_says_why() {
 fn another_spectrum_is_not_called_found() {
     let step = 0.05;
     let [a, b] = [(1.0, 1), (1.9, 2)].map(|(f, seed)| stepped(f, 0.4, 3.0 * f, step, 4096, seed));
-    let record = Record { step, channels: vec![a.iter().zip(&b).map(|(a, b)| a + b).collect()] };
+    let record = Record { step, channels: vec![a.iter().zip(&b).map(|(a, b)| a + b).collect()], ..Record::default() };
     let found = fit(&record, &Known::default()).unwrap();
     let Status::Undetermined(why) = &found.status else { panic!("{found:?}") };
     assert!(why.starts_with("resonance_hz") && why.contains("another spectrum"), "{why}");
-    assert!(found.slowness.value >= 0.0);
+    assert!(found.slowness.value >= 0.0 && found.kind == Kind::Gusts);
+}
+
+#[test]
+#[ignore]
+fn try_files() {
+    for path in std::env::var("TRY").unwrap().split_whitespace() {
+        let clock = std::time::Instant::now();
+        let rate = std::env::var("RATE").ok().map(|r| r.parse().unwrap());
+        let kind = std::env::var("KIND").map_or(Kind::Auto, |k| k.parse().unwrap());
+        let highest = std::env::var("HIGHEST").ok().map(|r| r.parse().unwrap());
+        let name = std::path::Path::new(path).file_stem().unwrap().to_string_lossy().into_owned();
+        let reading = mesophyll_files::table::Table::open(std::path::Path::new(path)).and_then(|t| read::read(t, rate));
+        let reading = match reading {
+            Ok(r) => r,
+            Err(e) => {
+                println!("{name:14} ERROR {e}");
+                continue;
+            }
+        };
+        match fit(&reading.record, &Known { kind, band: [None, highest], ..Known::default() }) {
+            Ok(m) => println!(
+                "{name:14} {:.4}±{:.4} ratio {:.4}±{:.4} dev {:.2} n {} [{}: {}] {} | {} | {} ({:.2} s)",
+                m.resonance.value,
+                m.resonance.error,
+                m.ratio.value,
+                m.ratio.error,
+                m.deviance,
+                m.bins,
+                m.kind,
+                m.why,
+                m.status,
+                reading.notes.join("; "),
+                m.taken_out.join("; "),
+                clock.elapsed().as_secs_f64()
+            ),
+            Err(e) => println!("{name:14} refused {e} | {}", reading.notes.join("; ")),
+        }
+    }
 }

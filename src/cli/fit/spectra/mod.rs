@@ -1,0 +1,314 @@
+//! Tables of spectra as people have them: which columns hold which readings, in which unit their wavelengths are, and
+//! whether the readings are in per cent. Used by `fit slab` and `fit foliar`.
+
+mod name;
+mod pairs;
+
+pub use pairs::open;
+
+use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_files::table::{Table, percent};
+use mesophyll_files::unit::Unit;
+use mesophyll_optics::side::Side;
+use name::Name;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Names of the column with the leaf's name; the first one that exists is used.
+pub const LEAF: [&str; 4] = ["leaf", "leaf_id", "sample", "sample_id"];
+
+/// A column of readings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    pub name: String,
+    /// The column of its standard errors, which the table may lack.
+    pub error: String,
+    /// In nm; NaN where each row has its own.
+    pub wavelength: f64,
+    /// Of transmittance.
+    pub through: bool,
+    /// The lit side, where its name says so.
+    pub side: Option<Side>,
+}
+
+impl Column {
+    pub fn is_abaxial(&self) -> bool {
+        self.side == Some(Side::Back)
+    }
+}
+
+/// Columns whose names have a number.
+#[derive(Debug, Default)]
+pub struct Wide {
+    /// Readings, each with its wavelength.
+    pub readings: Vec<Column>,
+    /// Wavelengths (nm) of columns whose names do not say what they hold.
+    pub bare: Vec<(String, f64)>,
+    /// Names with numbers that count: `R1`, `R2`.
+    pub replicates: Vec<String>,
+}
+
+/// A table with a row for each wavelength.
+#[derive(Debug)]
+pub struct Long {
+    /// The column of wavelengths, and what its unit is in nm.
+    pub wavelength: String,
+    pub unit_nm: f64,
+    pub readings: Vec<Column>,
+}
+
+/// Names of a header that belong to spectra.
+fn names(table: &Table) -> Vec<(&String, Name)> {
+    table.header.iter().filter_map(|text| Some((text, Name::of(text)?))).collect()
+}
+
+/// What tells a reading's column from others: quantity, number (as bits) and side.
+type Key = (Option<bool>, Option<u64>, Option<bool>);
+
+fn key(name: &Name) -> Key {
+    (name.through, name.number.map(f64::to_bits), name.side.map(|side| side == Side::Back))
+}
+
+/// The columns of standard errors among `names`.
+fn errors<'a>(names: &[(&'a String, Name)]) -> HashMap<Key, &'a String> {
+    names.iter().filter(|(_, n)| n.error).map(|(text, n)| (key(n), *text)).collect()
+}
+
+/// The column of a reading's standard error, which the table may lack.
+fn error_of(text: &str, name: &Name, errors: &HashMap<Key, &String>) -> String {
+    errors.get(&key(name)).map_or_else(|| format!("{text}_err"), |error| error.to_string())
+}
+
+/// The columns of a table whose names have a number.
+pub fn wide(table: &Table) -> Wide {
+    let names = names(table);
+    let numbered: Vec<&(&String, Name)> = names.iter().filter(|(_, n)| n.is_numbered() && !n.error).collect();
+    let numbers: Vec<f64> =
+        numbered.iter().filter(|(_, n)| n.unit_nm.is_none()).filter_map(|(_, n)| n.number).collect();
+    let micrometres = are_micrometres(&numbers) && numbers.iter().any(|v| v.fract() != 0.0);
+    let (mut found, errors) = (Wide::default(), errors(&names));
+    for (text, name) in numbered {
+        let unit = name.unit_nm.unwrap_or(if micrometres { 1e3 } else { 1.0 });
+        let wavelength = in_nm(name.number.unwrap_or(f64::NAN), unit);
+        if !is_wavelength(wavelength) {
+            found.replicates.extend(name.through.is_some().then(|| text.to_string()));
+            continue;
+        }
+        match name.through {
+            Some(through) => found.readings.push(Column {
+                name: text.to_string(),
+                error: error_of(text, name, &errors),
+                wavelength,
+                through,
+                side: name.side,
+            }),
+            None => found.bare.push((text.to_string(), wavelength)),
+        }
+    }
+    found
+}
+
+/// A wavelength in nm; µm are rounded, so that 0.57 is 570 and no number beside it.
+pub fn in_nm(wavelength: f64, unit_nm: f64) -> f64 {
+    if unit_nm == 1.0 { wavelength } else { (wavelength * unit_nm * 1e6).round() / 1e6 }
+}
+
+/// Whether a number can be a wavelength in nm. Smaller ones count replicates.
+fn is_wavelength(nm: f64) -> bool {
+    (100.0..=30_000.0).contains(&nm)
+}
+
+/// Whether numbers can be wavelengths in µm.
+fn are_micrometres(numbers: &[f64]) -> bool {
+    !numbers.is_empty() && numbers.iter().all(|v| (0.1..=30.0).contains(v))
+}
+
+/// The columns of a table with a row for each wavelength; `None` for a table without a column of wavelengths.
+///
+/// # Errors
+/// Two columns of one quantity; wavelengths in an unknown unit.
+pub fn long(table: &Table) -> Result<Option<Long>> {
+    let Some((wavelength, unit_nm)) = wavelength(table)? else { return Ok(None) };
+    Ok(Some(Long { wavelength, unit_nm, readings: readings(table)? }))
+}
+
+/// The column of wavelengths, and what its unit is in nm.
+///
+/// # Errors
+/// As [`long`].
+pub fn wavelength(table: &Table) -> Result<Option<(String, f64)>> {
+    let names = names(table);
+    let usual = names.iter().find(|(text, _)| *text == "wavelength_nm");
+    let Some((column, name)) = usual.or_else(|| names.iter().find(|(_, n)| n.is_wavelength())) else { return Ok(None) };
+    let unit_nm = match name.unit_nm {
+        Some(unit) => unit,
+        None => unit_of(table, column, &table.head(std::slice::from_ref(*column)))?,
+    };
+    Ok(Some((column.to_string(), unit_nm)))
+}
+
+/// The unit of wavelengths by their size.
+fn unit_of(table: &Table, column: &str, values: &[f64]) -> Result<f64> {
+    if are_micrometres(values) {
+        return Ok(1e3);
+    }
+    match values.iter().find(|v| !is_wavelength(**v)) {
+        None => Ok(1.0),
+        Some(odd) => {
+            let expected = "wavelengths in nm (100 to 30000) or in um (0.1 to 30)";
+            Err(Error::unexpected(table.name(), column, odd, expected))
+        }
+    }
+}
+
+/// Columns of readings without a wavelength in their names: `R`, `T(abaxial)`, `reflectance`.
+///
+/// # Errors
+/// Two columns of one quantity and side.
+pub fn readings(table: &Table) -> Result<Vec<Column>> {
+    let names = names(table);
+    let (mut found, errors): (Vec<Column>, _) = (Vec::new(), errors(&names));
+    for (text, name) in &names {
+        let (Some(through), None, false, false) = (name.through, name.number, name.error, name.wavelength) else {
+            continue;
+        };
+        if let Some(other) = found.iter().find(|c| (c.through, c.side) == (through, name.side)) {
+            let what = format!("{} holds the same quantity; rename or remove one of the two", other.name);
+            return Err(Error::field(table.name(), text, what));
+        }
+        let error = error_of(text, name, &errors);
+        found.push(Column { name: text.to_string(), error, wavelength: f64::NAN, through, side: name.side });
+    }
+    Ok(found)
+}
+
+/// Sets the columns of reflectance, transmittance, thickness and errors in `names` where the table has none of the
+/// `usual` name: `reflectance`, `T(adaxial)`, `Thickness (um)`. Of a leaf's two sides the adaxial one is taken, and
+/// that is said.
+///
+/// # Errors
+/// As [`readings`].
+pub fn find(table: &Table, usual: &[&str], names: &mut [String]) -> Result<()> {
+    let lacks = |k: usize, names: &[String]| names[k] == usual[k] && table.column(&names[k]).is_none();
+    if lacks(0, names) && lacks(1, names) {
+        let found = readings(table)?;
+        let of = |through: bool, back: bool| found.iter().find(|c| c.through == through && c.is_abaxial() == back);
+        if let (Some(r), Some(t)) = (of(false, false), of(true, false)) {
+            if of(false, true).is_some() || of(true, true).is_some() {
+                let name = table.name().display();
+                progress::say(format!("{name}: {} and {} are read, not those of the other side", r.name, t.name));
+            }
+            for (k, name) in [(0, &r.name), (1, &t.name), (3, &r.error), (4, &t.error)] {
+                if lacks(k, names) && table.column(name).is_some() {
+                    names[k].clone_from(name);
+                }
+            }
+        }
+    }
+    if lacks(2, names) {
+        let is_thickness = |h: &&String| {
+            let lower = h.to_lowercase();
+            let rest = lower.strip_prefix("leaf").map_or(lower.as_str(), |rest| rest.trim_start_matches(['_', ' ']));
+            let unit =
+                rest.strip_prefix("thickness").map(|unit| unit.trim_matches([' ', '_', '(', ')', '[', ']', '.']));
+            unit.is_some_and(|unit| unit.is_empty() || unit.parse::<Unit>().is_ok())
+        };
+        if let Some(thickness) = table.header.iter().find(is_thickness) {
+            names[2].clone_from(thickness);
+        }
+    }
+    Ok(())
+}
+
+/// Whether there are columns with numbers in their names that are no readings with a wavelength.
+pub fn has_others(wide: &Wide) -> bool {
+    !(wide.bare.is_empty() && wide.replicates.is_empty())
+}
+
+/// Why a table has no readings that can be used. `takes` says what the command takes.
+pub fn nothing(table: &Table, wide: &Wide, takes: &str) -> Error {
+    let some = |names: &[String]| {
+        let more = if names.len() > 4 { " and so on" } else { "" };
+        format!("{}{more}", names[..names.len().min(4)].join(", "))
+    };
+    let what = if !wide.bare.is_empty() {
+        let names: Vec<String> = wide.bare.iter().map(|(name, _)| name.clone()).collect();
+        format!(
+            "its columns {} look like wavelengths, and nothing says whether they hold reflectance or transmittance; \
+             {takes}; or give each leaf two rows and say in a column type which is R and which is T",
+            some(&names)
+        )
+    } else if !wide.replicates.is_empty() {
+        format!(
+            "its columns {} are numbered like replicates and not by wavelengths; average them into R and T and state the \
+             standard errors of the means as R_err and T_err, or give each replicate rows of its own",
+            some(&wide.replicates)
+        )
+    } else {
+        format!("no columns of readings; {takes}; found {}", table.shown_header())
+    };
+    Error::input(table.name(), what)
+}
+
+/// In which unit a table's readings are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// What is multiplied with them to make fractions of 1.
+    pub scale: f64,
+    /// Whether they plainly are in per cent and nobody said so.
+    unsaid: bool,
+}
+
+impl Shares {
+    /// Judges the first rows of `columns`. `percent` says that they are in per cent.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for readings that are fractions although `percent` says otherwise, and for a file of an
+    /// instrument whose form states the other unit.
+    pub fn of(table: &Table, columns: &[String], percent: bool) -> Result<Shares> {
+        let scale = if percent { 0.01 } else { 1.0 };
+        if let Some(stated) = table.stated().filter(|stated| stated.unit.is_some()) {
+            stated.check_percent(table.name(), percent)?;
+            return Ok(Shares { scale, unsaid: false });
+        }
+        // Marks of missing readings tell nothing.
+        let mut values = table.head(columns);
+        values.retain(|v| (-0.9..=200.0).contains(v));
+        let named = columns.iter().any(|c| table.column(c).is_some() && Name::of(c).is_some_and(|n| n.percent));
+        if percent && !named && percent::are_fractions(&values) {
+            let largest = values.iter().fold(0.0, |a: f64, v| a.max(*v));
+            let what =
+                format!("no reading is above {largest}, so they are fractions of 1 already; leave out --percent");
+            return Err(Error::input(table.name(), what));
+        }
+        let unsaid = !percent && (named || percent::looks(&values));
+        Ok(Shares { scale, unsaid })
+    }
+
+    /// Why these readings are refused before they are computed, if the whole table plainly is in per cent.
+    pub fn refuse<'a>(&self, mut readings: impl Iterator<Item = (&'a str, f64)>) -> Option<String> {
+        self.unsaid.then(|| match readings.find(|(_, v)| v.is_finite()) {
+            Some((name, value)) => format!("{name} is {value}: {}", percent::SENTENCE),
+            None => "no reading".into(),
+        })
+    }
+
+    /// As [`Shares::refuse`], also for one reading that can only be in per cent.
+    pub fn refuse_each<'a>(&self, readings: impl Iterator<Item = (&'a str, f64)> + Clone) -> Option<String> {
+        let must = |(_, v): &(&str, f64)| self.scale == 1.0 && percent::must_be(*v);
+        let one = |(name, v): (&str, f64)| format!("{name} is {v}: {}", percent::SENTENCE);
+        self.refuse(readings.clone()).or_else(|| readings.clone().find(must).map(one))
+    }
+
+    /// Whether all rows are refused.
+    pub fn refuses_all(&self) -> bool {
+        self.unsaid
+    }
+}
+
+/// The name of a table's only leaf: that of its file.
+pub fn only_leaf(path: &Path) -> String {
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    if stem.is_empty() || stem == "-" { "leaf".into() } else { stem }
+}

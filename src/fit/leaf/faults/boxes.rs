@@ -1,0 +1,193 @@
+//! Faults of the light box's photographs, and frames that hold too few values.
+
+use super::through::{THROUGH, View, energy, fault, turned};
+use crate::Result;
+use crate::leaf::interior::Fitted;
+use crate::leaf::noise::Level;
+use crate::leaf::outliers::median;
+use mesophyll_capture::lightbox::mask_from_transmission;
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::image::read_exr_rows;
+use mesophyll_optics::side::mirror;
+use mesophyll_record::fault::{Fault, Grade};
+use std::collections::HashSet;
+
+/// Beside the leaf the box is as bright with it as without, up to this share: it is the same light.
+const LIGHT: f64 = 0.02;
+/// Texels that must lie beside the leaf for that.
+const BESIDE: usize = 40;
+/// A photograph with so large a share of its texels at exactly its largest value is saturated.
+const SATURATED: f64 = 0.05;
+/// … and so many times as many as at the next smaller value.
+const PILED: usize = 4;
+/// An outline fits better when it is mirrored by this share of its area: not by chance, where a leaf is lopsided.
+const OUTLINE: f64 = 0.05;
+/// Frames of 8 bits hold at most this many different values.
+const LEVELS: usize = 280;
+
+/// Looks at the photographs of the light box, and at the values that the frames hold.
+///
+/// # Errors
+/// Photographs that cannot be read.
+pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fault>> {
+    let mut out = Vec::new();
+    let m = &capture.manifest;
+    let empty = capture.folder.join("lightbox_empty.exr");
+    for fitted in sides {
+        let side = fitted.side.name();
+        let name = format!("{side}/lightbox.exr");
+        out.extend(coarse(capture, fitted)?);
+        let leaf = capture.folder.join(side).join("lightbox.exr");
+        let tops = [(&leaf, name.as_str()), (&empty, "lightbox_empty.exr")];
+        let mut saturated = false;
+        for (path, called) in tops {
+            let maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
+            let share = maps.channels.iter().map(|(_, v)| at_the_top(v)).fold(0.0, f64::max);
+            if share > SATURATED && !out.iter().any(|f: &Fault| f.says.starts_with(called)) {
+                saturated = true;
+                out.push(fault(
+                    "box-saturated",
+                    Grade::Wrong,
+                    &[side],
+                    &THROUGH,
+                    format!(
+                        "{called}: {:.0} % of the texels have exactly the largest value: the photograph is saturated, and \
+                         ρt is too large where the box is cut off",
+                        100.0 * share
+                    ),
+                ));
+            }
+        }
+        if !saturated {
+            out.extend(outline(capture, fitted)?.or_else(|| beside(fitted, m.width, level)));
+        }
+        out.extend(energy(side, &fitted.mask));
+    }
+    if let [front, back] = sides {
+        out.extend(turned(&View::of(front), &View::of(back), m.width, "back/lightbox.exr"));
+    }
+    Ok(out)
+}
+
+/// Share of the values that equal the largest one, where they pile up there: 0 where the next smaller value is about as
+/// frequent, as in a picture of few values.
+fn at_the_top(values: &[f32]) -> f64 {
+    let finite = || values.iter().copied().filter(|v| v.is_finite());
+    let top = finite().fold(f32::NEG_INFINITY, f32::max);
+    let next = finite().filter(|v| *v < top).fold(f32::NEG_INFINITY, f32::max);
+    let count = |of: f32| finite().filter(|v| *v == of).count();
+    let (at_top, below) = (count(top), count(next));
+    if below > 0 && at_top > PILED * below { at_top as f64 / finite().count() as f64 } else { 0.0 }
+}
+
+/// The light beside the leaf, with it and without.
+fn beside(fitted: &Fitted, width: usize, level: &Level) -> Option<Fault> {
+    let mask = &fitted.measured.mask;
+    let height = mask.len() / width;
+    let clear = |k: usize| {
+        let (i, j) = ((k % width) as i64, (k / width) as i64);
+        (-2..=2).all(|b| {
+            (-2..=2).all(|a| {
+                let (x, y) = (i + a, j + b);
+                x < 0 || y < 0 || x >= width as i64 || y >= height as i64 || !mask[y as usize * width + x as usize]
+            })
+        })
+    };
+    let places: Vec<usize> = (0..mask.len()).filter(|k| clear(*k)).collect();
+    let ratios: Vec<f64> = places
+        .iter()
+        .map(|k| fitted.measured.rho_t[*k].iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0)
+        .filter(|v| v.is_finite())
+        .collect();
+    if ratios.len() < BESIDE {
+        return None;
+    }
+    let error = level.relative * level.lightbox * 2.0 / (ratios.len() as f64).sqrt();
+    let ratio = median(ratios);
+    // Paper or cloth may cover the box beside the leaf; then nothing can be said.
+    if !(0.5..2.0).contains(&ratio) || (ratio - 1.0).abs() <= LIGHT.max(6.0 * error) {
+        return None;
+    }
+    let side = fitted.side.name();
+    Some(fault(
+        "box-exposure",
+        Grade::Wrong,
+        &[side],
+        &THROUGH,
+        format!(
+            "{side}/lightbox.exr: beside the leaf the box is {ratio:.3} times as bright as in lightbox_empty.exr (its light \
+             or the exposure changed between the two); every ρt is off by as much"
+        ),
+    ))
+}
+
+/// The leaf's outline on the light box, compared with the mask.
+fn outline(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
+    if capture.mask()?.is_none() {
+        return Ok(None);
+    }
+    let (mask, width) = (&fitted.measured.mask, capture.manifest.width);
+    let seen = mask_from_transmission(&fitted.measured.rho_t, width, mask.len() / width);
+    let turned = mirror(&seen, width);
+    // Texels in both over texels in either.
+    let overlap = |seen: &[bool]| {
+        let count = |of: &dyn Fn(bool, bool) -> bool| seen.iter().zip(mask).filter(|(a, b)| of(**a, **b)).count();
+        count(&|a, b| a && b) as f64 / count(&|a, b| a || b).max(1) as f64
+    };
+    let (right, wrong) = (overlap(&seen), overlap(&turned));
+    let side = fitted.side.name();
+    Ok((wrong > right + OUTLINE).then(|| {
+        fault(
+            "box-mirrored",
+            Grade::Wrong,
+            &[side],
+            &THROUGH,
+            format!(
+                "{side}/lightbox.exr: the leaf's outline is the mirror image of mask.exr's ({:.0} % of it covered; mirrored \
+                 {:.0} %): it is the photograph of the other side, or was mirrored",
+                100.0 * right,
+                100.0 * wrong
+            ),
+        )
+    }))
+}
+
+/// Frames that hold few different values.
+fn coarse(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
+    let m = &capture.manifest;
+    for pass in &m.passes {
+        let count = pass.positions().len();
+        let mut seen: HashSet<u32> = HashSet::new();
+        let mut readings = 0usize;
+        // The frames in the middle of the pass are among the bright ones.
+        for k in (0..5).map(|k| count * (3 + k) / 10) {
+            let path = mesophyll_capture::manifest::frame_path(&capture.folder, fitted.side, pass.name, k);
+            let rows = m.height / 2..(m.height / 2 + 1 + 4096 / m.width.max(1)).min(m.height);
+            let maps = read_exr_rows(&path, Some(&["R", "G", "B"]), Some(rows.clone()))?;
+            for (_, values) in &maps.channels {
+                for (at, v) in values.iter().enumerate() {
+                    if fitted.measured.mask[rows.start * m.width + at] && v.is_finite() {
+                        readings += 1;
+                        seen.insert(v.to_bits());
+                    }
+                }
+            }
+        }
+        if readings >= 600 && seen.len() <= LEVELS && seen.len() * 4 < readings {
+            let side = fitted.side.name();
+            return Ok(Some(fault(
+                "few-values",
+                Grade::Doubtful,
+                &[side],
+                &[],
+                format!(
+                    "{side}/{}: the frames hold only {} different values among {readings} readings: they were stored with 8 \
+                     bits or fewer, and their rounding is no noise",
+                    pass.name.name(),
+                    seen.len()
+                ),
+            )));
+        }
+    }
+    Ok(None)
+}
