@@ -145,6 +145,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         };
     let shares_are_there = !wide.is_empty() || names[..2].iter().any(|name| table.column(name).is_some());
     if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+        if let Some(stated) = table.stated() {
+            return Err(Error::input(table.name(), stated.lacks(INPUTS[2])));
+        }
         let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
         return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
     }

@@ -53,7 +53,11 @@ impl Stated {
         let percent = if self.unit == Some(Unit::PerCent) { " --percent" } else { "" };
         let holds = self.holds.iter().map(ToString::to_string).collect::<Vec<_>>().join(" and ");
         let missing = match name {
-            "h" | "thickness" | "thickness_mm" | "thickness_um" | "thickness_m" => "thickness".to_string(),
+            "h" | "thickness" | "thickness_mm" | "thickness_um" | "thickness_m" => {
+                let both = [Quantity::Reflectance, Quantity::Transmittance];
+                let other = both.into_iter().find(|q| !self.holds.contains(q));
+                other.map_or_else(String::new, |q| format!("{q} and no ")) + "thickness"
+            }
             "rho_d" | "R" => Quantity::Reflectance.to_string(),
             "rho_t" | "T" => Quantity::Transmittance.to_string(),
             _ => format!("column {name}"),
