@@ -279,7 +279,8 @@ fn corrections(model: &Model) -> Vec<[f64; 2]> {
             } else {
                 [0.0, 0.0]
             };
-            let found = iterate(model, [base[0] + near[0], base[1] + near[1]], f);
+            let start = [base[0] + near[0], base[1] + near[1]];
+            let found = if model.is_quick(start[1]) { iterate(model, start, f) } else { None };
             grid.push(found.map_or(near, |p| [(p.omega / p.absorbed).ln() - base[0], p.delta.ln() - base[1]]));
         }
     }
