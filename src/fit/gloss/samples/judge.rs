@@ -29,7 +29,7 @@ pub(super) fn judge(samples: &[Sample], fit: &Residuals, tilts: [f64; 2], floor:
     // A single column has no contrasts.
     let widening = common.widening.iter().enumerate().map(|(k, w)| contrasts.widening.get(k).map_or(*w, |c| w.max(*c)));
     let widening = widening.collect();
-    let between = contrasts.why.map(|why| format!("the gloss is not the same in all value columns: {why}"));
+    let between = contrasts.why.map(|why| format!("the value columns differ in more than their diffuse level: {why}"));
     Judgement { why: common.why.or(between).or_else(|| stray(samples, fit, floor)), widening }
 }
 

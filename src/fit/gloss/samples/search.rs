@@ -145,47 +145,43 @@ impl Problem<'_> {
     }
 
     fn solve(&self, column: &[f64]) -> Solved {
-        // Each band is centred, then one common slope is fitted. A ρ below zero goes to its bound.
+        // Each band is centred, then one common slope is fitted.
         let each = |k: usize| {
             let weights = self.weights.iter().skip(k).step_by(self.bands);
             let rows = self.samples.iter().zip(column).zip(weights).filter(|(_, w)| **w > 0.0);
             rows.map(move |((s, c), w)| (s.values[k], *c, *w))
         };
-        let (mut top, mut bottom) = (0.0, 0.0);
-        let mut means = Vec::with_capacity(self.bands);
+        // Of each band: weight, mean reading, mean of the column, and the centred sums of their product and square.
+        let mut sums = Vec::with_capacity(self.bands);
         for k in 0..self.bands {
             let whole: f64 = each(k).map(|(_, _, w)| w).sum();
             let (y, c) = each(k).fold((0.0, 0.0), |(a, b), (y, c, w)| (a + w * y / whole, b + w * c / whole));
-            means.push((y, c));
+            let (mut top, mut bottom) = (0.0, 0.0);
             for (v, x, w) in each(k) {
                 top += w * (v - y) * (x - c);
                 bottom += w * (x - c) * (x - c);
             }
+            sums.push([whole, y, c, top, bottom]);
         }
-        let mut rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
-        let mut rho_d: Vec<f64> = means.iter().map(|(y, c)| y - rho_s * c).collect();
-        if rho_d.iter().any(|r| *r < 0.0) {
-            // A band whose ρd is held at zero is no longer centred: a few sweeps of coordinate descent solve the
-            // bounded problem.
-            for _ in 0..200 {
-                for (r, (y, c)) in rho_d.iter_mut().zip(&means) {
-                    *r = (y - rho_s * c).max(0.0);
-                }
-                let (mut top, mut bottom) = (0.0, 0.0);
-                for (k, r) in rho_d.iter().enumerate() {
-                    for (v, x, w) in each(k) {
-                        top += w * (v - r) * x;
-                        bottom += w * x * x;
-                    }
-                }
-                let next = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
-                let settled = (next - rho_s).abs() <= 1e-15 * next;
-                rho_s = next;
-                if settled {
-                    break;
-                }
+        // A ρd below zero is held at zero, and its band is then no longer centred. Which bands are held follows from ρs;
+        // the sum of squares is convex in ρs, so this ends after a few turns.
+        let mut held = vec![false; self.bands];
+        let mut rho_s = 0.0;
+        for _ in 0..2 * self.bands + 2 {
+            let (mut top, mut bottom) = (0.0, 0.0);
+            for ([whole, y, c, xy, xx], held) in sums.iter().zip(&held) {
+                let raw = if *held { *whole } else { 0.0 };
+                top += xy + raw * y * c;
+                bottom += xx + raw * c * c;
             }
+            rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
+            let now: Vec<bool> = sums.iter().map(|[_, y, c, ..]| y - rho_s * c < 0.0).collect();
+            if now == held {
+                break;
+            }
+            held = now;
         }
+        let rho_d: Vec<f64> = sums.iter().map(|[_, y, c, ..]| (y - rho_s * c).max(0.0)).collect();
         let square = |(k, r): (usize, &f64)| each(k).map(|(v, x, w)| w * (v - r - rho_s * x).powi(2)).sum::<f64>();
         let sum = rho_d.iter().enumerate().map(square).sum();
         Solved { rho_d, rho_s, sum }
