@@ -28,23 +28,24 @@ const LEVELS: usize = 280;
 pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fault>> {
     let mut out = Vec::new();
     let m = &capture.manifest;
+    let names: Vec<&str> = sides.iter().map(|s| s.side.name()).collect();
     let empty = capture.folder.join("lightbox_empty.exr");
     for fitted in sides {
         let side = fitted.side.name();
         let name = format!("{side}/lightbox.exr");
         out.extend(coarse(capture, fitted)?);
         let leaf = capture.folder.join(side).join("lightbox.exr");
-        let tops = [(&leaf, name.as_str()), (&empty, "lightbox_empty.exr")];
+        let tops = [(&leaf, name.as_str(), vec![side]), (&empty, "lightbox_empty.exr", names.clone())];
         let mut saturated = false;
-        for (path, called) in tops {
+        for (path, called, whom) in tops {
             let maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
             let share = maps.channels.iter().map(|(_, v)| at_the_top(v)).fold(0.0, f64::max);
+            saturated |= share > SATURATED;
             if share > SATURATED && !out.iter().any(|f: &Fault| f.says.starts_with(called)) {
-                saturated = true;
                 out.push(fault(
                     "box-saturated",
                     Grade::Wrong,
-                    &[side],
+                    &whom,
                     &THROUGH,
                     format!(
                         "{called}: {:.0} % of the texels have exactly the largest value: the photograph is saturated, and \

@@ -5,7 +5,6 @@ use super::trials::Outcome;
 use super::white::{Amiss, Whites};
 use mesophyll_capture::manifest::Manifest;
 use mesophyll_optics::side::Side;
-use mesophyll_optics::tube::Travel;
 use mesophyll_record::fault::{Fault, Grade};
 use mesophyll_record::scan::Scan;
 
@@ -123,7 +122,7 @@ fn sentence(cause: Cause, scan: &Scan) -> String {
             100.0 * a.abs(),
             match travel {
                 None => " of either pass".to_string(),
-                Some(t @ (Travel::X | Travel::Y)) => format!(" of pass {}", t.name()),
+                Some(t) => format!(" of pass {}", t.name()),
             }
         ),
     }

@@ -18,9 +18,11 @@ const TEXELS: usize = 40;
 /// The share of them whose χ² is smallest speaks for the leaf.
 const SPEAK: f64 = 0.8;
 /// A cause is named where it takes away at least this share of what χ² has above the noise.
-pub const EXPLAINS: f64 = 0.6;
+const EXPLAINS: f64 = 0.85;
 /// χ² that is less than this share above the noise is not worth a search.
 const LEAST: f64 = 0.04;
+/// Residuals of a bright reading below this share of it are the precision of the model and of the white frames.
+const PRECISION: f64 = 1e-3;
 /// So many of the causes have their amount refined.
 const REFINED: usize = 5;
 /// Causes whose share is smaller than the best one's by no more than this are named beside it.
@@ -104,7 +106,9 @@ impl<'a> Trials<'a> {
         };
         let chance = 6.0 * (2.0 / base.freedom).sqrt() * noise;
         let excess = base.chi2 - noise;
-        if !(excess > chance.max(LEAST * noise)) {
+        let bright = f64::from(self.bright());
+        let residual = base.chi2.sqrt() * self.scan.noise(bright) / bright;
+        if !(excess > chance.max(LEAST * noise) && residual > PRECISION) {
             return out;
         }
         let mut coarse: Vec<(f64, Family, usize)> = self
