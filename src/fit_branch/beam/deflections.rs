@@ -17,7 +17,7 @@
 
 use super::measured::{Along, Branch, Measured, Reading, fit};
 use crate::{Error, Result};
-use mesophyll_files::table::{NOT_NEGATIVE, Output, Record, Sink, Status, Table, Tally, push_number, push_text};
+use mesophyll_files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
 use mesophyll_plant::load::Load;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -41,6 +41,9 @@ pub const OUTPUTS: [&str; 12] = [
 
 const REQUIRED: [&str; 4] = ["branch", "length_mm", "position_mm", "deflection_mm"];
 const OPTIONAL: [&str; 5] = ["deflection_err_mm", "load_n", "load_err_n", "modulus_gpa", "modulus_err_gpa"];
+
+/// What lengths, errors, loads and moduli are.
+const NOT_NEGATIVE: [f64; 2] = [0.0, f64::INFINITY];
 
 /// A branch as it was read.
 #[derive(Debug, Clone, PartialEq)]
