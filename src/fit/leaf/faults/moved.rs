@@ -10,7 +10,7 @@ const TEXELS: f64 = 0.25;
 /// A step is one where it is this many of its standard errors.
 const ERRORS: f64 = 8.0;
 /// … and takes away this share of the shifts' squares.
-const EXPLAINS: f64 = 0.6;
+const EXPLAINS: f64 = 0.3;
 
 /// Shift of a frame (texels to the right and upwards) and the information about it.
 #[derive(Debug, Clone, Copy, Default)]
