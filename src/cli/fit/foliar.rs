@@ -200,7 +200,7 @@ fn wide(
         Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
     if !outside.is_empty() {
         let columns = counted(outside.len(), "column");
-        progress::say(format!("{file}: {columns} outside {low} to {high} nm, the table of pigments, are not read"));
+        progress::say(format!("{file}: {columns} outside {low} to {high} nm, the table of pigments, left out"));
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = Shares::of(&table, &names, args.percent)?;
