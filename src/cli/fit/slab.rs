@@ -81,6 +81,10 @@ const UNITS: [&str; 3] = ["um", "mm", "m"];
 
 const WAVELENGTH: &str = "wavelength_nm";
 
+/// Why the readings of an integrating sphere alone determine nothing.
+const LOST_LIGHT: &str = "light that leaves the sample beside the sphere's ports is missing and looks like absorption; \
+                          where it is small, give R and T as a table";
+
 const INPUTS: [&str; 9] = [
     "rho_d",
     "rho_t",
@@ -128,6 +132,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some(stated) = table.stated() {
         stated.check_index(table.name(), args.index)?;
     }
+    let loses_light = table.stated().is_some_and(|stated| stated.loses_light);
     let mut names = column_names(&args.columns, &table)?;
     spectra::find(&table, &INPUTS, &mut names)?;
     let some_known = names[5..7].iter().any(|name| table.column(name).is_some());
@@ -241,6 +246,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             }
             if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
                 answer.status = doubted(answer.status, &why);
+            } else if loses_light {
+                answer.status = doubted(answer.status, LOST_LIGHT);
             }
             if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
                 without_errors.fetch_add(1, Ordering::Relaxed);

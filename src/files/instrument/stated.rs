@@ -13,6 +13,8 @@ pub struct Stated {
     pub unit: Option<Unit>,
     /// Refractive index of the sample, where the form states one.
     pub index: Option<f64>,
+    /// Whether light that leaves the sample beside the instrument's ports is missing from its readings.
+    pub loses_light: bool,
     /// The quantities that were read.
     holds: Vec<Quantity>,
     notes: Vec<String>,
@@ -21,11 +23,18 @@ pub struct Stated {
 impl Stated {
     pub(super) fn of(file: &File) -> Stated {
         let holds = [Quantity::Reflectance, Quantity::Transmittance].into_iter().filter(|q| file.has(*q)).collect();
-        Stated { form: file.form, unit: file.unit, index: file.index, holds, notes: file.notes.clone() }
+        Stated {
+            form: file.form,
+            unit: file.unit,
+            index: file.index,
+            loses_light: file.loses_light,
+            holds,
+            notes: file.notes.clone(),
+        }
     }
 
     pub(super) fn of_sheet(notes: Vec<String>) -> Stated {
-        Stated { form: Form::Xlsx, unit: None, index: None, holds: Vec::new(), notes }
+        Stated { form: Form::Xlsx, unit: None, index: None, loses_light: false, holds: Vec::new(), notes }
     }
 
     /// What a user should know of what was read.
