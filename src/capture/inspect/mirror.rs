@@ -104,8 +104,8 @@ fn judge(m: &Manifest, pass: &Pass, seen: &[Seen], found: &mut Inspection) {
     let mut amiss = Vec::new();
     if slope.abs() > TRAVEL && slope.abs() > SURE * slope_error {
         amiss.push(format!(
-            "the reflection moves by {:.3} mm for a millimetre of the tube: texel_mm should be {:.4} and not {}, or the \
-             stops lie otherwise than stated",
+            "the reflection moves by {:.3} mm for a millimetre of the tube: texel_mm should be {:.4} and not {}, or \
+             the stops lie otherwise than stated",
             1.0 + slope,
             m.texel_mm / (1.0 + slope),
             m.texel_mm
@@ -113,8 +113,8 @@ fn judge(m: &Manifest, pass: &Pass, seen: &[Seen], found: &mut Inspection) {
     }
     if scatter > SCATTER * m.texel_mm && (scatter * turn / (2.0 * m.tube.height_mm)).to_degrees() > LEAN_DEG {
         amiss.push(format!(
-            "its places scatter by ± {scatter:.2} mm about an even motion: stops were missed, or frames are in the wrong \
-             order"
+            "its places scatter by ± {scatter:.2} mm about an even motion: stops were missed, or frames are in the \
+             wrong order"
         ));
     }
     let stretch = if pass.name == Travel::X { camera.cos() } else { 1.0 };

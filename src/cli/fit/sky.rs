@@ -28,8 +28,8 @@ const EXAMPLES: &str = "Examples:
 /// horizon. The fit finds clipped pixels, clouds and the sun's disk by itself and leaves them out of the sky.
 ///
 /// The sun is taken from its disk where the picture shows it, unless the sky's brightness tells its place more closely
-/// and the disk agrees; the answer says which. The disk is one compact spot far brighter than the sky, or clipped. Where
-/// another spot is as bright there is none, and where the spot is far from the sun of the sky, both are named.
+/// and the disk agrees; the answer says which. The disk is one compact spot far brighter than the sky, or clipped.
+/// Where another spot is as bright there is none, and where the spot is far from the sun of the sky, both are named.
 ///
 /// DIR gets fit.toml, times.toml and all.exr (fate, reduced chi2, residuals).
 #[derive(Debug, clap::Args)]
@@ -138,8 +138,8 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
     let degrees = 180.0 / std::f64::consts::PI;
     progress::say(format!(
-        "sun {} from the zenith, azimuth {} (degrees), taken from the {}; turbidity {}; scale {}; residuals {:.2} % of a reading, reduced \
-         chi2 {:.3}; {}; wrote {}",
+        "sun {} from the zenith, azimuth {} (degrees), taken from the {}; turbidity {}; scale {}; residuals {:.2} % of \
+         a reading, reduced chi2 {:.3}; {}; wrote {}",
         shown(found.sun_zenith, degrees),
         shown(found.sun_azimuth, degrees),
         found.sun_from.name(),

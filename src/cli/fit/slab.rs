@@ -28,8 +28,8 @@ use std::sync::{Mutex, PoisonError};
 /// that the slab could be inverted. Where noise leaves a parameter open, the status names it, with a bound at two
 /// standard errors where one side is closed.
 ///
-/// The slab scatters isotropically, so sigma_s is the reduced coefficient σs(1−g) of tissue that scatters forward. It is
-/// taken at the index of its surroundings, so that its faces reflect nothing, unless `--index N` states its own.
+/// The slab scatters isotropically, so sigma_s is the reduced coefficient σs(1−g) of tissue that scatters forward. It
+/// is taken at the index of its surroundings, so that its faces reflect nothing, unless `--index N` states its own.
 ///
 /// One of rho_d and rho_t is enough where the other coefficient is known: a column `known_sigma_a` or `known_sigma_s`
 /// (1/mm, with `known_sigma_a_err` or `known_sigma_s_err`).

@@ -125,9 +125,9 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
     if spheres > 0.0 && file.barred.is_none() {
         file.loses_light = true;
         file.notes.push(
-            "its comment says that it was measured in a dual beam (iad -X): no correction for the sphere is needed. Light \
-             that leaves the sample beyond the sphere's ports is missing all the same, which makes the absorption too \
-             large; iad estimates it by Monte Carlo"
+            "its comment says that it was measured in a dual beam (iad -X): no correction for the sphere is needed. \
+             Light that leaves the sample beyond the sphere's ports is missing all the same, which makes the \
+             absorption too large; iad estimates it by Monte Carlo"
                 .into(),
         );
     }

@@ -143,12 +143,12 @@ pub(super) fn complaint(name: &str, text: &str, cell: Cell, decimal_comma: bool)
         Cell::Missing if text.is_empty() => format!("{name} is empty"),
         Cell::Missing | Cell::Stated => format!("{name} is missing ({text})"),
         Cell::Unclear if decimal_comma => format!(
-            "{name} is {text:?}; in this table commas are decimal, so a point may separate thousands; expected a number \
-             without a point"
+            "{name} is {text:?}; in this table commas are decimal, so a point may separate thousands; expected a \
+             number without a point"
         ),
         Cell::Unclear => format!(
-            "{name} is {text:?}; a comma may be decimal or separate thousands; expected a number with a decimal point, or \
-             a table with decimal commas in all its numbers, separated by semicolons or tabs"
+            "{name} is {text:?}; a comma may be decimal or separate thousands; expected a number with a decimal point, \
+             or a table with decimal commas in all its numbers, separated by semicolons or tabs"
         ),
         _ => format!("{name} is {text:?}; expected a number"),
     }

@@ -15,8 +15,8 @@ pub(super) enum Stated {
     Nothing,
 }
 
-/// Root mean square of residuals below which they are not judged where no noise is stated: the precision of the surfaces
-/// (2e-5) and of cells with four digits.
+/// Root mean square of residuals below which they are not judged where no noise is stated: the precision of the
+/// surfaces (2e-5) and of cells with four digits.
 const PRECISION: f64 = 1e-4;
 /// What exact readings may be off by: cells often have three digits.
 const ROUNDED: f64 = 1e-3;

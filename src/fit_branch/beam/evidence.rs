@@ -1,15 +1,15 @@
 //! Which kind of load the readings speak for.
 //!
-//! A load of another kind looks much like an even one on another taper: a load at the tip of an untapered branch like an
-//! even load on a taper of .65, to .2 % of the tip's deflection. So readings seldom tell loads apart, and the load is
-//! stated ([`Load`]) or taken as even. What can be asked is whether the readings speak against an even load.
+//! A load of another kind looks much like an even one on another taper: a load at the tip of an untapered branch like
+//! an even load on a taper of .65, to .2 % of the tip's deflection. So readings seldom tell loads apart, and the load
+//! is stated ([`Load`]) or taken as even. What can be asked is whether the readings speak against an even load.
 //!
 //! Each load is weighed by the probability with which it foretells the readings. Whether the branch tapers is not known
-//! beforehand either: it is taken, at even chances, as untapered (a rod, a stick of one thickness) or as of any taper. A
-//! load that describes the readings without a taper is then likelier than one that describes them equally well with a
+//! beforehand either: it is taken, at even chances, as untapered (a rod, a stick of one thickness) or as of any taper.
+//! A load that describes the readings without a taper is then likelier than one that describes them equally well with a
 //! taper made to measure, by the range that was open for the taper over its standard error (Occam's factor: D. J. C.
-//! MacKay, Neural Computation 4 (1992), 415–447). The place of a single load is open too, so its probability is the mean
-//! over places.
+//! MacKay, Neural Computation 4 (1992), 415–447). The place of a single load is open too, so its probability is the
+//! mean over places.
 
 use super::curve::{Marks, PRECISION};
 use super::measured::{Along, Known, Reading};

@@ -1,10 +1,10 @@
 //! The sun's disk in a panorama: the one bright, compact spot that nothing else in the sky comes near.
 //!
-//! A sensor of high range shows the disk as a few pixels, thousands of times brighter than the sky; one that clips shows
-//! it as a plateau with the glare around it. Both are found in the same way. The bright pixels are those within a tenth
-//! of the brightest, weighed by their light, or those that are clipped, weighed by their solid angle. They are the
-//! sun's where most of their weight lies in one small cap of the sphere, and their centroid is its direction. Several
-//! lamps, a bright cloud and the glow around a hidden sun fail that, and then there is no disk.
+//! A sensor of high range shows the disk as a few pixels, thousands of times brighter than the sky; one that clips
+//! shows it as a plateau with the glare around it. Both are found in the same way. The bright pixels are those within a
+//! tenth of the brightest, weighed by their light, or those that are clipped, weighed by their solid angle. They are
+//! the sun's where most of their weight lies in one small cap of the sphere, and their centroid is its direction.
+//! Several lamps, a bright cloud and the glow around a hidden sun fail that, and then there is no disk.
 //!
 //! A fault of one channel is no sun, and a sun is never blue: of three channels the darker of red and green counts
 //! first. Pictures that were compressed with loss may keep the disk in one channel only. There the brightest channel

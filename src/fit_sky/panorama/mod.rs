@@ -7,8 +7,8 @@
 //! clouds, trees or the sun's disk. They are left out, again and again until their set no longer changes.
 //!
 //! Where the picture shows the sun's disk ([`disk`]), the disk says where the sun is, and only turbidity and scale are
-//! found from the sky's brightness, unless the sky tells the sun's place more closely and the disk agrees. So a sky that
-//! Preetham's model does not describe still has its sun. Where the two are far apart, the answer says so.
+//! found from the sky's brightness, unless the sky tells the sun's place more closely and the disk agrees. So a sky
+//! that Preetham's model does not describe still has its sun. Where the two are far apart, the answer says so.
 //!
 //! Limits: one clear sky without clouds, turbidity 1.7 to 10, and the sun above the horizon. A sky that Preetham's
 //! model does not describe within the noise, or with residuals that have a pattern in the picture, leaves turbidity and
@@ -144,7 +144,8 @@ const ANGLE_KNOWN: f64 = 0.052_36;
 /// Another sun fits as well where χ² rises by less than this.
 const AS_GOOD: f64 = 9.0;
 
-/// The sky's sun and the disk are the same where they are this many standard errors apart, or closer than half a degree.
+/// The sky's sun and the disk are the same where they are this many standard errors apart, or closer than half a
+/// degree.
 const SAME: f64 = 4.0;
 const SAME_ANGLE: f64 = 0.009;
 /// Another sky than the model's may put its sun this far from the true one (rad); one that is further off is no sky of

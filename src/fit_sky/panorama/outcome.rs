@@ -184,8 +184,8 @@ fn judged(round: &Round, width: usize, from: NoiseFrom) -> Adequacy {
 pub fn disputed(found: Found, disk: &Disk, apart: f64) -> Found {
     let degrees = f64::to_degrees;
     let why = format!(
-        "{} (a bright disk at zenith {:.1}, azimuth {:.1} is {:.0} degrees from where the sky's brightness puts the sun: \
-         is it a lamp or a reflection, or is this no clear sky?)",
+        "{} (a bright disk at zenith {:.1}, azimuth {:.1} is {:.0} degrees from where the sky's brightness puts the \
+         sun: is it a lamp or a reflection, or is this no clear sky?)",
         NAMES.join(" "),
         degrees(disk.zenith()),
         degrees(disk.azimuth()),

@@ -128,7 +128,8 @@ fn another_sky_is_a_misfit_by_name() {
         f.outliers, f.turbidity, f.sun_zenith, f.sun_azimuth, f.reduced_chi2, f.relative_rms, f.status
     );
     assert!(
-        matches!(&f.status, Status::Undetermined(why) if why.contains("does not describe this sky") && why.contains("turbidity")),
+        matches!(&f.status, Status::Undetermined(why)
+            if why.contains("does not describe this sky") && why.contains("turbidity")),
         "{}",
         f.status
     );

@@ -48,8 +48,8 @@ pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fa
                     &whom,
                     &THROUGH,
                     format!(
-                        "{called}: {:.0} % of the texels have exactly the largest value: the photograph is saturated, and \
-                         ρt is too large where the box is cut off",
+                        "{called}: {:.0} % of the texels have exactly the largest value: the photograph is saturated, \
+                         and ρt is too large where the box is cut off",
                         100.0 * share
                     ),
                 ));
@@ -112,8 +112,8 @@ fn beside(fitted: &Fitted, width: usize, level: &Level) -> Option<Fault> {
         &[side],
         &THROUGH,
         format!(
-            "{side}/lightbox.exr: beside the leaf the box is {ratio:.3} times as bright as in lightbox_empty.exr (its light \
-             or the exposure changed between the two); every ρt is off by as much"
+            "{side}/lightbox.exr: beside the leaf the box is {ratio:.3} times as bright as in lightbox_empty.exr (its \
+             light or the exposure changed between the two); every ρt is off by as much"
         ),
     ))
 }
@@ -147,8 +147,8 @@ fn coarse(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
                 &[side],
                 &[],
                 format!(
-                    "{side}/{}: the frames hold only {} different values among {readings} readings: they were stored with 8 \
-                     bits or fewer, and their rounding is no noise",
+                    "{side}/{}: the frames hold only {} different values among {readings} readings: they were stored \
+                     with 8 bits or fewer, and their rounding is no noise",
                     pass.name.name(),
                     seen.len()
                 ),

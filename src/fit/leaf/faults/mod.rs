@@ -135,8 +135,8 @@ pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<Fault> {
 fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Option<Fault> {
     let beside: Vec<f64> = beside.iter().flatten().copied().collect();
     let rough = level.seen.filter(|_| !beside.is_empty())?;
-    // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that were
-    // resampled have neighbours that share noise, so noise that seems smaller is believed of both together only.
+    // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that
+    // were resampled have neighbours that share noise, so noise that seems smaller is believed of both together only.
     let least = beside.iter().copied().fold(rough, f64::min);
     let most = beside.iter().copied().fold(rough, f64::max);
     let (name, off) = if least > 1.0 + NOISE {
@@ -153,8 +153,8 @@ fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Opti
         sides: sides.iter().map(|s| s.side.name().into()).collect(),
         spoils: Vec::new(),
         says: format!(
-            "capture.toml: the readings scatter {off:.2} times as much as noise_relative and noise_floor say, from frame to \
-             frame and from texel to texel, whatever their model; {effect}"
+            "capture.toml: the readings scatter {off:.2} times as much as noise_relative and noise_floor say, from \
+             frame to frame and from texel to texel, whatever their model; {effect}"
         ),
     })
 }

@@ -54,8 +54,9 @@ pub fn unexplained(side: Side, outcome: &Outcome) -> Fault {
         spoils: Vec::new(),
         says: format!(
             "{side}: the traces' reduced χ² is {:.2} where their noise makes it {:.2}, and nothing that was tried \
-             explains it (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark level, \
-             stray light, coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as much",
+             explains it (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark \
+             level, stray light, coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as \
+             much",
             outcome.before, outcome.noise
         ),
     }
@@ -100,8 +101,8 @@ fn sentence(cause: Cause, scan: &Scan) -> String {
             travel.name()
         ),
         Cause::Offset(a) if a > 0.0 => format!(
-            "a constant light of {a:.4} lies in every reading (no dark.exr, light in the room, or light that the leaf's \
-             surroundings send back)"
+            "a constant light of {a:.4} lies in every reading (no dark.exr, light in the room, or light that the \
+             leaf's surroundings send back)"
         ),
         Cause::Offset(a) => format!("{:.4} is missing in every reading (was the dark frame taken off twice?)", -a),
         Cause::Coded(coding) => format!("the frames are coded with {} and not linear in light", coding.name()),
@@ -146,8 +147,8 @@ fn of_whites(whites: &Whites, m: &Manifest, scan: &Scan) -> Option<Fault> {
         Amiss::Length(mm) => format!("they fit tube.length_mm = {mm:.0} and not {}", scan.tube_length_mm),
         Amiss::Texel(mm) => format!("they fit texel_mm = {mm:.3} and not {}", scan.texel_mm),
         Amiss::Dark(b) if *b > 0.0 => format!(
-            "a constant of {b:.4} lies in them (dark.exr is missing, or was taken with another exposure, or the room was \
-             not dark)"
+            "a constant of {b:.4} lies in them (dark.exr is missing, or was taken with another exposure, or the room \
+             was not dark)"
         ),
         Amiss::Dark(b) => format!("{:.4} is missing in them (was the dark frame taken off twice?)", -b),
         Amiss::Coded(coding) => format!("they are coded with {} and not linear in light", Coding::name(*coding)),

@@ -1,5 +1,5 @@
-//! What comes through a leaf, from either side. It is nearly the same both ways, so the leaf's picture from behind is the
-//! mirror image of that from the front. Scans, domes and photographs are judged alike.
+//! What comes through a leaf, from either side. It is nearly the same both ways, so the leaf's picture from behind is
+//! the mirror image of that from the front. Scans, domes and photographs are judged alike.
 
 use crate::leaf::interior::Fitted;
 use crate::leaf::outliers::median;
@@ -70,8 +70,8 @@ pub fn energy(side: &str, mask: &[i16]) -> Option<Fault> {
             &[side],
             &["rho_d", "rho_s", "rho_t", "sigma_a", "sigma_s", "gamma"],
             format!(
-                "{side}: {:.0} % of the texels send back and let through more light than arrives (ρd + ρt > 1): the white \
-                 reference is missing or too dark, white_reflectance is wrong, or an exposure changed",
+                "{side}: {:.0} % of the texels send back and let through more light than arrives (ρd + ρt > 1): the \
+                 white reference is missing or too dark, white_reflectance is wrong, or an exposure changed",
                 100.0 * share
             ),
         )
@@ -86,8 +86,8 @@ struct Pair {
 }
 
 impl Pair {
-    /// Correlation of the first with the second as it is (0), with its columns (1), its rows (2) or both (3) reversed, and
-    /// shifted by columns and rows; NaN where they have less than half of the leaf in common.
+    /// Correlation of the first with the second as it is (0), with its columns (1), its rows (2) or both (3) reversed,
+    /// and shifted by columns and rows; NaN where they have less than half of the leaf in common.
     fn correlation(&self, turn: usize, shift: [i32; 2]) -> f64 {
         let (width, n) = (self.width, self.a.len());
         let height = n / width;
@@ -112,8 +112,8 @@ impl Pair {
         if n < 60.0 || share < 0.5 || !(spread > 0.0) { f64::NAN } else { (uv - u * v / n) / spread }
     }
 
-    /// The shift at which `score` of the correlation is best, and that correlation, where it is not at rest and better by
-    /// more than chance.
+    /// The shift at which `score` of the correlation is best, and that correlation, where it is not at rest and better
+    /// by more than chance.
     fn shift(&self, score: impl Fn(f64) -> f64) -> Option<(f64, [i32; 2])> {
         let at_rest = score(self.correlation(0, [0, 0]));
         let best = (-SHIFTS..=SHIFTS)
@@ -156,8 +156,8 @@ pub fn against_frames(fitted: &Fitted, width: usize) -> Option<Fault> {
             &[side],
             &THROUGH,
             format!(
-                "{side}/lightbox.exr: its veins lie where the mirror image of the frames has them (correlation {wrong:.2} \
-                 instead of {known:.2}): it is the photograph of the other side, or was mirrored"
+                "{side}/lightbox.exr: its veins lie where the mirror image of the frames has them (correlation \
+                 {wrong:.2} instead of {known:.2}): it is the photograph of the other side, or was mirrored"
             ),
         ));
     }
@@ -168,8 +168,8 @@ pub fn against_frames(fitted: &Fitted, width: usize) -> Option<Fault> {
         &[side],
         &THROUGH,
         format!(
-            "{side}/lightbox.exr: its veins lie {} columns and {} rows from where the frames have them (correlation {r:.2} \
-             instead of {known:.2}): the leaf lay otherwise on the light box",
+            "{side}/lightbox.exr: its veins lie {} columns and {} rows from where the frames have them (correlation \
+             {r:.2} instead of {known:.2}): the leaf lay otherwise on the light box",
             shift[0], shift[1]
         ),
     ))
@@ -190,8 +190,8 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
     if let Some((r, turn)) = wrong.filter(|w| w.0 > known + BETTER && w.0 > ALIKE) {
         let what = match turn {
             1 => {
-                "it shows the front's image and not its mirror image (the leaf was not turned, the photograph is that of \
-                 the front, or the back was mirrored once too often)"
+                "it shows the front's image and not its mirror image (the leaf was not turned, the photograph is that \
+                 of the front, or the back was mirrored once too often)"
             }
             2 => "the back is upside down",
             _ => "the back is turned about the x axis and not about the y axis (its rows run the other way)",
@@ -211,8 +211,8 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
             &both,
             &["thickness", "sigma_a", "sigma_s"],
             format!(
-                "{file}: what comes through the back fits the front's when shifted by {} columns and {} rows (correlation \
-                 {r:.2} instead of {known:.2}): the leaf moved between the sides",
+                "{file}: what comes through the back fits the front's when shifted by {} columns and {} rows \
+                 (correlation {r:.2} instead of {known:.2}): the leaf moved between the sides",
                 -shift[0], shift[1]
             ),
         ));
@@ -226,7 +226,8 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
             &[],
             format!(
                 "front and back: {:.2} times as much light comes through from the front as from the back; a leaf lets \
-                 through nearly the same either way, so one of the photographs has another exposure, or shows another leaf",
+                 through nearly the same either way, so one of the photographs has another exposure, or shows another \
+                 leaf",
                 apart.exp()
             ),
         )

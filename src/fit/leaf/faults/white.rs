@@ -1,5 +1,5 @@
-//! The white frames alone: a sheet whose fall-off is known tells whether the tube stands where capture.toml says, whether
-//! dark light was taken off, and whether the frames are linear. The angle of the camera plays no part in it.
+//! The white frames alone: a sheet whose fall-off is known tells whether the tube stands where capture.toml says,
+//! whether dark light was taken off, and whether the frames are linear. The angle of the camera plays no part in it.
 
 use super::causes::Coding;
 use crate::leaf::noise::Level;
