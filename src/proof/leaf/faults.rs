@@ -389,23 +389,6 @@ fn with_manifest(capture: &Path, change: impl FnOnce(&mut toml::Table) -> Option
 mod tests {
     use super::*;
 
-    #[test]
-    #[ignore]
-    fn print_table() {
-        let word = std::env::var("WORD").unwrap_or_default();
-        let list = if word == "cases" { crate::leaf::stress::rows().unwrap() } else { rows(&word).unwrap() };
-        for row in list {
-            println!(
-                "{} [{:.0} ms] {} -> {}\n     {}",
-                if row.passed() { "ok " } else { "BAD" },
-                row.ms,
-                row.case,
-                row.expected,
-                row.verdict
-            );
-        }
-    }
-
     /// A few of the table, one of every kind of evidence. `stress leaf` runs all.
     #[test]
     fn faults_get_their_names() {
