@@ -106,8 +106,8 @@ fn one_of_r_and_t_is_enough_beside_a_known_coefficient() {
     let (a, s) = (number(&whole[0], "sigma_a"), number(&whole[0], "sigma_s"));
     // A whole column may be missing, or a cell.
     let table = format!(
-        "leaf,rho_d,h,known_sigma_a,known_sigma_s,known_sigma_s_err\np,0.3,0.2,{a},,\nq,0.3,0.2,,{s},\nr,0.3,0.2,,{s},{}\n\
-         t,0.3,0.2,,,\nu,0.3,0.2,{a},{s},\nv,0.3,0.2,-1,,\n",
+        "leaf,rho_d,h,known_sigma_a,known_sigma_s,known_sigma_s_err\np,0.3,0.2,{a},,\nq,0.3,0.2,,{s},\n\
+         r,0.3,0.2,,{s},{}\nt,0.3,0.2,,,\nu,0.3,0.2,{a},{s},\nv,0.3,0.2,-1,,\n",
         0.03 * s
     );
     let (code, rows, said) = mesophyll(&noise, &table);

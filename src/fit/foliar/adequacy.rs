@@ -98,3 +98,16 @@ fn most(p: Parameter) -> f64 {
         Parameter::Oblateness | Parameter::Thickness => f64::INFINITY,
     }
 }
+
+/// Says so where a parameter may lie at the edge of the searched range, within two standard errors. Where the parameter
+/// may lie at both edges, nothing is said. `x` and its error `s` are in the solver's variables.
+pub(super) fn bound(p: Parameter, x: f64, s: f64) -> Option<String> {
+    let (most, _) = p.range();
+    let (low, high) = (x - 2.0 * s, x + 2.0 * s);
+    let shown = |x: f64| if p == Parameter::Oblateness { x.exp_m1() } else { x };
+    match (low > 0.0, high < most) {
+        (false, true) => Some(format!("{} <= {:.3}", p.column(), shown(high))),
+        (true, false) => Some(format!("{} >= {:.3}", p.column(), shown(low))),
+        _ => None,
+    }
+}

@@ -63,12 +63,10 @@ fn faults() -> Vec<Fault> {
         fault("one frame times 1.5", "noticed: frame-brightness", |c| change(&frame(c, "front", "x", 17), |v| 1.5 * v)),
         fault("one frame times 1.2", "noticed: frame-brightness", |c| change(&frame(c, "back", "y", 21), |v| 1.2 * v)),
         fault("one frame black", "noticed: frame-dark", |c| change(&frame(c, "front", "x", 17), |_| 0.002)),
-        fault("one frame without readings", "noticed: frame-unread", |c| {
+        fault("a frame without readings", "noticed: frame-unread", |c| {
             change(&frame(c, "front", "x", 17), |_| f32::NAN)
         }),
-        fault("one white frame times 1.5", "noticed: white-frame", |c| {
-            change(&c.join("white/x/0017.exr"), |v| 1.5 * v)
-        }),
+        fault("a white frame times 1.5", "noticed: white-frame", |c| change(&c.join("white/x/0017.exr"), |v| 1.5 * v)),
         fault("two frames exchanged", "noticed: frames-exchanged", |c| {
             exchange(&frame(c, "front", "x", 12), &frame(c, "front", "x", 19))
         }),
