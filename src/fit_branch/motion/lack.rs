@@ -12,8 +12,6 @@ const DEVIANCE: [f64; 2] = [1.154, 1.606];
 /// A mean deviance that is this many standard errors too small, or too large, is no chance. It has a longer tail
 /// towards large values.
 pub const STRANGE: [f64; 2] = [3.0, 4.0];
-/// Some part of the band that is this many standard deviations off is no chance, although the band has many parts.
-const STRUCTURE: f64 = 4.5;
 /// Frequencies in the smallest parts of the band that are compared with the fitted spectrum.
 const PART: usize = 8;
 /// Neighbouring frequencies whose mean is one residual.
@@ -34,14 +32,16 @@ impl Gusts {
         let (residuals, jacobian) = (&groups.residuals[..], &groups.jacobian[..]);
         let readings = Readings { residuals, jacobian, noise: Noise::Known, floor: 0.0, along: &along };
         let adequacy = adequacy::judge(&readings);
-        let (worst, place) = self.worst(&rho, width);
+        let (worst, place, parts) = self.worst(&rho, width);
+        // Either sign of any of the parts would be a finding.
+        let chance = adequacy::normal_quantile(adequacy::ACCUSED / (2 * parts).max(1) as f64);
         self.lack = if off > STRANGE[1] {
             Some(format!("the motion has another spectrum: {deviance}"))
         } else if off < -STRANGE[0] {
             Some(format!(
                 "no motion in gusts is as even as this one: {deviance}; was the branch let go, or the record smoothed?"
             ))
-        } else if worst > STRUCTURE {
+        } else if worst > chance {
             Some(format!("the motion has another spectrum: {place}"))
         } else {
             adequacy.why("branch")
@@ -53,13 +53,14 @@ impl Gusts {
     }
 
     /// The part of the band, of any width, that is furthest from what was fitted: by how many standard deviations, and
-    /// which it is.
-    fn worst(&self, rho: &[f64], width: usize) -> (f64, String) {
-        let (mut worst, mut place) = (0.0, String::new());
+    /// which it is. Also returns how many parts there are.
+    fn worst(&self, rho: &[f64], width: usize) -> (f64, String, usize) {
+        let (mut worst, mut place, mut parts) = (0.0, String::new(), 0);
         let mut part = PART;
         while 2 * part <= width {
             for channel in rho.chunks(width) {
                 for (k, of) in channel.windows(part).enumerate().step_by(part / 2) {
+                    parts += 1;
                     let mean = of.iter().sum::<f64>() / part as f64;
                     let off = gamma_score(mean, part as f64 / self.spectra.inflation).abs();
                     if off > worst {
@@ -71,7 +72,7 @@ impl Gusts {
             }
             part *= 2;
         }
-        (worst, place)
+        (worst, place, parts)
     }
 
     /// Neighbouring frequencies together, as numbers that are normally distributed where the fit is right.

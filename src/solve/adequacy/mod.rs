@@ -92,7 +92,7 @@ pub struct Adequacy {
 }
 
 /// The tests of one fit together accuse a right model this often.
-const ACCUSED: f64 = 1e-3;
+pub const ACCUSED: f64 = 1e-3;
 /// Where χ² over its degrees of freedom is below this although the noise is stated, the readings agree with the model
 /// far within their noise, and patterns in them are rounding.
 const WITHIN: f64 = 0.1;

@@ -8,7 +8,7 @@ use super::refit::{Data, PARAMETERS, Pass, descend};
 use super::sample::Sample;
 use crate::leaf::held_out::{Predictor, Scratch, Texel};
 use mesophyll_capture::calibrate::white_response;
-use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Travel;
 use mesophyll_record::scan::Scan;
 use rayon::prelude::*;
@@ -178,8 +178,14 @@ impl<'a> Trials<'a> {
             list.push(Family::of(|a| Cause::Drift(Some(Travel::Y), a), grid(-0.4, 0.4, 7)));
             list.push(Family::of(|d| Cause::Zero(Travel::Y, d), scaled(scan.tube_height_mm, &far)));
         }
-        let lobes = [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }];
-        list.extend(lobes.into_iter().filter(|l| l.name() != scan.lobe).map(|l| Family::one(Cause::Surface(l))));
+        // The lobes that the tube's vector code has.
+        let lobes = ["beckmann", "ggx", "cook-torrance"].into_iter().filter_map(|name| name.parse::<LobeKind>().ok());
+        list.extend(
+            lobes
+                .map(|kind| Lobe::of(kind, 1.45))
+                .filter(|l| l.name() != scan.lobe)
+                .map(|l| Family::one(Cause::Surface(l))),
+        );
         list
     }
 
