@@ -1,4 +1,5 @@
-//! From camera values to the calibrated scale: value = frame / white × the white sheet's own response, its reflectance times D.
+//! From camera values to the calibrated scale: value = frame / white × the white sheet's own response, its reflectance
+//! times D.
 //!
 //! Plain division by the white frame would make every white texel 1 in every frame, and the effect of the tube's
 //! distance would be lost. D puts it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).

@@ -191,9 +191,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
-    if !scene {
-        super::ready::warn(&args.folder);
-    }
     let done: Exported = place::file(&args.output, |path| match times {
         _ if format == Format::Web => web(args, scene, path),
         Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
@@ -202,6 +199,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         None if scene => posed(&args.folder, args.time, path).map(Into::into),
         None => export(&args.folder, format, path, &options),
     })?;
+    if !scene {
+        super::ready::warn(&args.folder);
+    }
     if stdout {
         done.lost.iter().flat_map(Lost::lines).for_each(progress::say);
         return Ok(0);

@@ -11,12 +11,11 @@
 //!   printed answer with a four-point rule for the arc, in the coordinate of [`super::taper`], in which the arc is
 //!   smooth up to the tip of any taper. The error of the length is below 0.02 % for tip deflections up to 1 L. `f64`
 //!   and `f32` use the same steps, and so does the shader.
-//! - [`settled`] is the same curve from the exact u, with the arc solved to 1e-10. It is the reference of both, and it
-//!   is what a measurement sees.
+//! - [`settled`] is the same curve from the exact u, with the arc solved to 1e-10. It is the reference of both.
 //!
 //! The bent axis is the graph of A u(x), where A is F/(E′r₁⁴) over L. A real branch under a load that keeps its
-//! direction deviates from that graph as the tip deflection exceeds a quarter of its length. No geometrically exact
-//! beam is solved here.
+//! direction deviates from that graph as the tip deflection exceeds a quarter of its length. The geometrically
+//! exact beam is [`super::elastica`], which a measurement sees.
 
 use super::beam;
 use super::quadrature::{Node, TWELVE, TWENTY_FOUR, four};

@@ -12,10 +12,10 @@ mod seal;
 
 pub use kind::FitKind;
 
+use fault::Fault;
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, claim, hash};
 use mesophyll_solve::{Termination, TraceRow};
-use fault::Fault;
 use scan::{HeldOut, LightBox, Scan};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

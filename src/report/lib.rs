@@ -100,7 +100,7 @@ pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
 /// # Errors
 /// As [`rows`].
 pub fn verdict(folder: &Path) -> Result<Verdict> {
-    read::verdict(folder)
+    read::verdict_of(folder)
 }
 
 /// The rows of a report.

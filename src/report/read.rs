@@ -103,7 +103,7 @@ fn tell_apart(fits: &mut [FitReport]) {
 ///
 /// # Errors
 /// As [`read`].
-pub fn verdict(folder: &Path) -> Result<Verdict> {
+pub fn verdict_of(folder: &Path) -> Result<Verdict> {
     Ok(fit(folder, &Options::default(), false)?.verdict)
 }
 

@@ -389,14 +389,11 @@ fn finish(name: &str, mut reasons: Vec<Reason>) -> Verdict {
     let mut sentence = match level {
         Level::Good => format!("{name} is good: {}", ruling.join("; ")),
         Level::Doubtful if reasons.is_empty() => {
-            format!("{name} cannot be judged: the fit states no residuals, counts or errors")
+            format!("{name} cannot be judged: it states no residuals, counts or errors")
         }
         Level::Doubtful => format!("{name} is usable with care: {}", ruling.join("; ")),
         Level::Bad => format!("{name} is not good: {}", ruling.join("; ")),
     };
-    if more > 0 {
-        sentence.push_str(&format!("; and {more} more"));
-    }
-    sentence.push('.');
+    sentence += &if more > 0 { format!("; and {more} more.") } else { ".".into() };
     Verdict { level, sentence, missed: level == Level::Bad, reasons }
 }

@@ -82,7 +82,8 @@ fn files_of_the_wrong_kind_are_said_to_be() {
     }
     // Semicolons and decimal commas are read, and that is said.
     std::fs::write(&csv, b"omega;delta\n0,9;1\n").unwrap();
-    let output = run(["eval", "slab", "--in", &csv]);
+    let loud = std::process::Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+    let output = { loud }.args(["eval", "slab", "--in", &csv]).output().unwrap();
     let [rows, said] = [&output.stdout, &output.stderr].map(|b| String::from_utf8_lossy(b).into_owned());
     assert!(rows.starts_with("omega,delta,rho_d,rho_t,status\n\"0,9\",1,0.26741") && rows.ends_with(",ok\n"), "{rows}");
     assert!(said.contains("slabs.csv: read as separated by semicolons with decimal commas"), "{said}");

@@ -177,7 +177,7 @@ fn run_page(page: &str, spans: bool) -> [usize; 2] {
             .output()
             .unwrap();
         // Leaves are smaller here than on the page, and a report of them may say that they are not good.
-        let judged = words.get(1).is_some_and(|verb| verb == "report") && output.status.code() == Some(1);
+        let judged = words.get(1).is_some_and(|verb| *verb == "report") && output.status.code() == Some(1);
         assert!(output.status.success() || judged, "{page}: {smaller}: {}", String::from_utf8_lossy(&output.stderr));
         if let Some(place) = written(&words) {
             assert!(folder.path().join(&place).exists(), "{page}: {smaller} wrote no {place}");

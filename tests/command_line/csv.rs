@@ -256,6 +256,7 @@ fn a_reader_that_leaves_is_no_failure() {
     with_forms(|form| {
         let mut child = Command::new(env!("CARGO_BIN_EXE_mesophyll"))
             .args(&form.args)
+            .arg("--quiet")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

@@ -105,6 +105,11 @@ fn a_command_that_cannot_use_the_form_names_it_and_what_helps() {
     std::fs::write(dir.path().join("wet.rxt"), rxt(1.4, 2)).unwrap();
     for (args, parts) in [
         (vec!["fit", "beam", "--in", "leaf.sig"], ["a Spectra Vista .sig file has no column alpha", "fit foliar"]),
+        (
+            vec!["fit", "slab", "--in", "leaf.sig"],
+            ["has no transmittance and no thickness; it holds reflectance", "fit foliar"],
+        ),
+        (vec!["fit", "gloss", "--samples", "--in", "leaf.sig"], ["a Spectra Vista .sig file", "fit foliar"]),
         (vec!["fit", "motion", "--in", "leaf.sig"], ["a Spectra Vista .sig file", "fit foliar"]),
         (vec!["eval", "slab", "--in", "leaf.sig"], ["a Spectra Vista .sig file has no column omega", "--percent"]),
         (

@@ -37,7 +37,7 @@ pub fn succeeded(output: &Output) {
 
 /// Asserts that a fit was written, whatever the verdict on it: exit code 0, or 1 with the sentence that it is not good.
 #[track_caller]
-pub fn fitted(output: &Output) {
+pub fn was_fitted(output: &Output) {
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() || (output.status.code() == Some(1) && text.contains("is not good")), "{text}");
 }

@@ -109,14 +109,15 @@ fn numbers_changed_and_hashed_anew_are_named_by_all_who_read_them() {
         // Who draws or exports it says the same and goes on.
         let out = dir.path().join("out");
         let drawn = ["render", scene.to_str().unwrap(), "-o", out.to_str().unwrap(), "--samples", "1"];
-        let exported = ["export", fit.to_str().unwrap(), "--to", "csv", "-o", &format!("{}.csv", out.display())];
-        for words in [&drawn[..], &exported] {
+        let exported = ["export", fit.to_str().unwrap(), "--to", "json", "-o", &format!("{}.json", out.display())];
+        // Drawing takes a second; that it says the same as the export is seen of one map and of the record.
+        let drawn = if ["γ × .8", "another program"].contains(&what) { &drawn[..] } else { &[] };
+        for words in [drawn, &exported].into_iter().filter(|words| !words.is_empty()) {
             let output = loud(words);
             let text = said(&output);
             let warned = text.lines().any(|line| line.starts_with("warning: ") && named(line));
             assert!(warned, "{what}, {}: {text}", words[0]);
-            // A picture of NaN may be refused; what is wrong with the fit was said before.
-            assert!(output.status.success() || what == "NaN", "{what}, {}: {text}", words[0]);
+            assert!(output.status.success(), "{what}, {}: {text}", words[0]);
         }
     }
 }
@@ -131,13 +132,14 @@ fn a_file_that_is_not_what_was_fitted_is_refused_by_all_who_use_it() {
     for file in ["back_err.exr", "fit.toml"] {
         let path = fit.join(file);
         let before = std::fs::read(&path).unwrap();
-        let mut bytes = before.clone();
-        match file {
-            "fit.toml" => bytes = text.replacen("robust = \"true\"", "robust = \"no\"", 1).into_bytes(),
-            _ => *bytes.last_mut().unwrap() ^= 1,
+        if file == "fit.toml" {
+            std::fs::write(&path, text.replacen("robust = \"true\"", "robust = \"no\"", 1)).unwrap();
+        } else {
+            let mut maps = read_exr(&path).unwrap();
+            maps.channels[0].1[0] = 0.5;
+            write_exr(&path, &maps, Packing::Zip).unwrap();
         }
-        assert_ne!(bytes, before);
-        std::fs::write(&path, bytes).unwrap();
+        assert_ne!(std::fs::read(&path).unwrap(), before);
         for words in [
             vec!["render", &scene, "-o", &at("out"), "--samples", "1"],
             vec!["export", &place, "--to", "csv", "-o", &at("a.csv")],

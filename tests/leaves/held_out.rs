@@ -1,7 +1,7 @@
 //! Frames that no fit uses. They are left out by choice and predicted within their noise. They reveal a wrong fit,
 //! whatever its files say about themselves.
 
-use crate::common::{copy_tree, fitted, run, scan, succeeded};
+use crate::common::{copy_tree, run, scan, succeeded, was_fitted};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
@@ -112,7 +112,7 @@ fn a_held_out_frame_is_not_seen_by_the_fit() {
     maps.channels.iter_mut().flat_map(|c| &mut c.1).for_each(|v| *v *= 1.2);
     write_exr(&path, &maps, Packing::Raw).unwrap();
     let out = dir.path().join("fit");
-    fitted(&run(["fit", "leaf", spoilt.to_str().unwrap(), "-o", out.to_str().unwrap(), "--hold-out", "10"]));
+    was_fitted(&run(["fit", "leaf", spoilt.to_str().unwrap(), "-o", out.to_str().unwrap(), "--hold-out", "10"]));
     for name in ["front.exr", "front_err.exr", "back.exr"] {
         assert!(std::fs::read(out.join(name)).unwrap() == std::fs::read(fit.join(name)).unwrap(), "{name} differs");
     }

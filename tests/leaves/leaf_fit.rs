@@ -1,6 +1,6 @@
 //! `fit leaf` as a program: recovery, resuming, sharding, and full disks.
 
-use crate::common::{copy_tree, fitted, mesophyll, refused, run, scan, succeeded};
+use crate::common::{copy_tree, mesophyll, refused, run, scan, succeeded, was_fitted};
 use mesophyll::files::image::read_exr;
 use mesophyll::files::quantity::Quantity;
 use mesophyll::record::FitRecord;
@@ -48,7 +48,7 @@ pub fn fit(capture: &str, dir: &tempfile::TempDir) -> std::process::Output {
 fn a_noise_free_scan_is_recovered_to_a_thousandth() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("fit");
-    fitted(&run(["fit", "leaf", clean_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    was_fitted(&run(["fit", "leaf", clean_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
     let record = FitRecord::read(&out).unwrap();
     for side in ["front", "back"] {
         let section = &record.sections[side];
@@ -142,7 +142,7 @@ fn the_mirror_strip_foretells_the_lean_of_the_normals() {
 
     let mean_tilt = |capture: &Path| {
         let out = capture.with_extension("fit");
-        fitted(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
+        was_fitted(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
         let maps = read_exr(&out.join("front.exr")).unwrap();
         let (mask, x, z) = (
             maps.scalar(Quantity::Mask).unwrap(),
@@ -207,7 +207,7 @@ fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
         assert!(parts(&out) > 0);
         assert!(!out.join("fit.toml").exists());
     }
-    fitted(&run(args));
+    was_fitted(&run(args));
     assert!(out.join("fit.toml").exists());
 }
 
@@ -215,7 +215,7 @@ fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
 fn the_paper_s_reduction_is_there_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("fit");
-    fitted(&run(["fit", "leaf", clean_scan().to_str().unwrap(), "-o", out.to_str().unwrap(), "--method", "paper"]));
+    was_fitted(&run(["fit", "leaf", clean_scan().to_str().unwrap(), "-o", out.to_str().unwrap(), "--method", "paper"]));
     let record = FitRecord::read(&out).unwrap();
     assert_eq!(record.options["method"], "paper");
     let f = &record.sections["front"].figures;
@@ -359,7 +359,7 @@ fn a_leaf_of_layers_is_fitted_and_its_misfit_is_said() {
     let dir = tempfile::tempdir().unwrap();
     let capture = scan(dir.path(), "soybean", &["--size", "48x36", "--frames", "60", "--noise", "0.01"]);
     let [out, plots] = ["fit", "plots"].map(|n| dir.path().join(n));
-    fitted(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    was_fitted(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
     let record = FitRecord::read(&out).unwrap();
     for side in ["front", "back"] {
         let section = &record.sections[side];

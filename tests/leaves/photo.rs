@@ -1,6 +1,6 @@
 //! Photographs in open shade and on a light table: from synthesis to a fit, against the truth, and bad pictures.
 
-use crate::common::{copy_tree, fitted, refused, run, succeeded};
+use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
 use mesophyll::capture::synth::spec::Spec;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::leaf::LeafFit;
@@ -63,7 +63,7 @@ fn a_photographed_leaf_is_found_within_its_errors() {
     copy_tree(folder, &coarse);
     toml(&coarse, "noise_photon", "texel_mm = 2.0\nnoise_photon");
     let folder = &coarse;
-    fitted(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
+    was_fitted(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
     let fit = LeafFit::open(&out).unwrap();
     let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
     for side in [Side::Front, Side::Back] {
@@ -103,7 +103,7 @@ fn a_photographed_leaf_is_found_within_its_errors() {
     // The same command again finds its own fit and writes nothing.
     let written = || std::fs::metadata(out.join("front.exr")).unwrap().modified().unwrap();
     let before = written();
-    fitted(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
+    was_fitted(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
     assert_eq!(before, written());
     refused(&run(["fit", "leaf", text(folder), "-o", text(&out), "--gloss", "1.4,0.3"]), 2, &["[gloss]"]);
 }
@@ -218,7 +218,7 @@ fn a_range_of_thickness_widens_every_error() {
     let ranged = lines.replace("transfer =", "thickness_range_mm = [0.1, 0.2]\ntransfer =");
     std::fs::write(folder.join("capture.toml"), ranged).unwrap();
     let out = dir.path().join("fit");
-    fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
+    was_fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
     let fit = LeafFit::open(&out).unwrap();
     let found = &fit.section(Side::Front).unwrap().params["sigma_a"];
     // A thickness that may lie anywhere in a range has the standard deviation of its width over √12.
@@ -238,7 +238,7 @@ fn without_stated_gloss_the_truth_is_within_wider_errors() {
     std::fs::write(&path, &stated[..stated.find("[gloss]").unwrap()]).unwrap();
     toml(&folder, "noise_photon", "texel_mm = 2.0\nnoise_photon");
     let out = dir.path().join("fit");
-    fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
+    was_fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
     let fit = LeafFit::open(&out).unwrap();
     assert!(fit.record.options["gloss"].starts_with("undetermined"));
     let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
@@ -289,7 +289,7 @@ fn an_ensemble_of_leaves() {
                     toml(&folder, "turned = \"table_turned.exr\"\n", "");
                 }
                 let out = dir.path().join(format!("{name}-{seed}-{one}"));
-                fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
+                was_fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
                 let fit = LeafFit::open(&out).unwrap();
                 for (s, side) in [Side::Front, Side::Back].into_iter().enumerate() {
                     let section = fit.section(side).unwrap();

@@ -1,7 +1,7 @@
 //! `mesophyll fit tissue` as a program: photographs made by `synth` on a blade whose maps are the true ones, and then
 //! every fault that they can have.
 
-use crate::common::{copy_tree, fitted, refused, run, succeeded};
+use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::record::{FitKind, FitRecord, Param, SCHEMA, Section, Times};
 use std::path::{Path, PathBuf};
@@ -168,7 +168,7 @@ fn a_slab_that_is_off_is_told_why() {
 fn errors_of_the_thickness_map_are_in_the_printed_errors() {
     let set = slanting();
     let fit = |set: &Set| {
-        fitted(&set.fit(&["--levels", "3", "--margin-mm", "0.6", "--fix-scale", "--force"]));
+        was_fitted(&set.fit(&["--levels", "3", "--margin-mm", "0.6", "--fix-scale", "--force"]));
         FitRecord::read(&set.dir.path().join("out")).unwrap().sections.remove("all").unwrap()
     };
     let exact = fit(&set);

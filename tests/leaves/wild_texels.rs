@@ -1,7 +1,7 @@
 //! Wild texels, wrong captures, and sides that disagree. A leaf fit is robust against the first, and reports the
 //! others.
 
-use crate::common::{copy_tree, fitted, refused, run, scan};
+use crate::common::{copy_tree, refused, run, scan, was_fitted};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::record::{FitRecord, NOISE_SEEN};
@@ -23,7 +23,7 @@ fn clean() -> &'static (PathBuf, FitRecord) {
 }
 
 fn fit(capture: &Path, out: &Path) -> FitRecord {
-    fitted(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    was_fitted(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
     FitRecord::read(out).unwrap()
 }
 

@@ -106,8 +106,8 @@ fn one_of_r_and_t_is_enough_beside_a_known_coefficient() {
     let (a, s) = (number(&whole[0], "sigma_a"), number(&whole[0], "sigma_s"));
     // A whole column may be missing, or a cell.
     let table = format!(
-        "leaf,rho_d,h,known_sigma_a,known_sigma_s,known_sigma_s_err\np,0.3,0.2,{a},,\nq,0.3,0.2,,{s},\nr,0.3,0.2,,{s},{}\n\
-         t,0.3,0.2,,,\nu,0.3,0.2,{a},{s},\nv,0.3,0.2,-1,,\n",
+        "leaf,rho_d,h,known_sigma_a,known_sigma_s,known_sigma_s_err\np,0.3,0.2,{a},,\nq,0.3,0.2,,{s},\n\
+         r,0.3,0.2,,{s},{}\nt,0.3,0.2,,,\nu,0.3,0.2,{a},{s},\nv,0.3,0.2,-1,,\n",
         0.03 * s
     );
     let (code, rows, said) = mesophyll(&noise, &table);
@@ -135,6 +135,8 @@ fn one_of_r_and_t_is_enough_beside_a_known_coefficient() {
     }
     assert!(cell(&rows[2], "status").starts_with("refused: rho_d and rho_t are both empty"));
     assert!(cell(&rows[3], "status").starts_with("refused: rho_d, rho_t and a known sigma are all given"));
+    let (code, _, said) = mesophyll(&noise, "leaf,h,known_sigma_a,R450,T450\na,0.2,1,0.3,0.2\n");
+    assert!(code == 2 && said.contains("known sigma"), "{code} {said}");
     // Without any of this a table still needs both.
     let (code, _, said) = mesophyll(&noise, "rho_d,h\n0.3,0.2\n");
     assert!(code == 2 && said.contains("rho_t"), "{code} {said}");

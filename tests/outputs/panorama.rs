@@ -25,6 +25,7 @@ fn a_panorama_is_made_fitted_and_reported() {
         assert!((value - truth).abs() < 5.0 * error && error > 0.0, "{name}: {value} ± {error}");
     }
     assert_eq!(json["status"], "ok");
+    assert!(json["sun_from"] == "sky" && json["disk"].as_str().unwrap().starts_with("not seen"), "{json}");
     let report = run(["report", &out, "--json"]);
     succeeded(&report);
     let report: Value = serde_json::from_slice(&report.stdout).unwrap();
@@ -42,9 +43,24 @@ fn a_panorama_is_made_fitted_and_reported() {
     make(&["--model", "hosek-wilkie", "--noise", "0.01", "--size", "96x48"]);
     let ran = run(["fit", "sky", "--quiet", "--json", "--panorama", &picture, "-o", &out]);
     let json: Value = serde_json::from_slice(&ran.stdout).unwrap();
-    assert!(json["status"].as_str().unwrap().contains("residuals exceed the noise"));
+    assert!(
+        json["status"]
+            .as_str()
+            .unwrap()
+            .starts_with("undetermined: sun_zenith_deg sun_azimuth_deg turbidity scale (the model")
+    );
     let report: Value = serde_json::from_slice(&run(["report", &out, "--json"]).stdout).unwrap();
     assert_eq!(report["verdict"]["level"], "bad");
+    // With its disk the same sky has its sun.
+    make(&["--model", "hosek-wilkie", "--noise", "0.01", "--size", "96x48", "--disk"]);
+    let ran = run(["fit", "sky", "--quiet", "--json", "--panorama", &picture, "-o", &out]);
+    let json: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    assert_eq!(json["sun_from"], "disk", "{json}");
+    assert!(json["status"].as_str().unwrap().starts_with("undetermined: turbidity scale (the model"), "{json}");
+    for (name, truth) in [("sun_zenith_deg", 50.0), ("sun_azimuth_deg", -100.0)] {
+        let (value, error) = (json[name]["value"].as_f64().unwrap(), json[name]["stderr"].as_f64().unwrap());
+        assert!((value - truth).abs() < 3.0 * error && error < 3.0, "{name}: {value} ± {error}");
+    }
     refused(
         &run(["fit", "sky", "--panorama", &picture, "--channels", "R,G,X", "-o", &out]),
         2,

@@ -175,7 +175,9 @@ fn a_consistent_but_wrong_fit_misses_its_golden() {
         // The window scales maps and numbers alike, so that what it saves agrees with itself. γ × .8 misses the gauge.
         let named = report["failures"].as_array().unwrap();
         match what {
-            "γ × .8" => assert!(named.iter().any(|f| f.as_str().unwrap().contains("the mean of gamma")), "{report:#}"),
+            "γ × .8" => {
+                assert!(named.iter().any(|f| f.as_str().unwrap().contains("the mean of gamma")), "{report:#}")
+            }
             _ => assert_eq!(named.len(), 0, "{what} of {scene} is seen without a golden: {report:#}"),
         }
         assert_eq!(output.status.code(), Some(1), "{what} of {scene} passes: {report:#}");

@@ -104,8 +104,8 @@ fn judge(m: &Manifest, pass: &Pass, seen: &[Seen], found: &mut Inspection) {
     let mut amiss = Vec::new();
     if slope.abs() > TRAVEL && slope.abs() > SURE * slope_error {
         amiss.push(format!(
-            "the reflection moves by {:.3} mm for a millimetre of the tube: texel_mm should be {:.4} and not {}, or the \
-             stops lie otherwise than stated",
+            "the reflection moves by {:.3} mm for a millimetre of the tube: texel_mm should be {:.4} and not {}, or \
+             the stops lie otherwise than stated",
             1.0 + slope,
             m.texel_mm / (1.0 + slope),
             m.texel_mm
@@ -113,8 +113,8 @@ fn judge(m: &Manifest, pass: &Pass, seen: &[Seen], found: &mut Inspection) {
     }
     if scatter > SCATTER * m.texel_mm && (scatter * turn / (2.0 * m.tube.height_mm)).to_degrees() > LEAN_DEG {
         amiss.push(format!(
-            "its places scatter by ± {scatter:.2} mm about an even motion: stops were missed, or frames are in the wrong \
-             order"
+            "its places scatter by ± {scatter:.2} mm about an even motion: stops were missed, or frames are in the \
+             wrong order"
         ));
     }
     let stretch = if pass.name == Travel::X { camera.cos() } else { 1.0 };
@@ -241,4 +241,42 @@ fn centre(profile: &[(f64, f64)], top: f64) -> Option<f64> {
     let weight = |k: usize| profile[k].1 - base;
     let sum: f64 = bright.iter().map(|&k| weight(k)).sum();
     Some(bright.iter().map(|&k| weight(k) * profile[k].0).sum::<f64>() / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judged(change: impl Fn(f64, usize) -> f64, width: f64) -> (MirrorCheck, String) {
+        let text = "schema = 1\nname = \"m\"\nwidth = 100\nheight = 75\ntexel_mm = 0.5\nthickness_mm = 0.2\n\
+                    camera_deg = 55.0\nsides = [\"front\"]\n[tube]\nheight_mm = 100.0\nlength_mm = 500.0\n\
+                    radius_mm = 2.5\n[[pass]]\nname = \"y\"\nstart_mm = -20.0\nend_mm = 20.0\nframes = 9\n";
+        let manifest: Manifest = toml::from_str(text).unwrap();
+        let pass = &manifest.passes[0];
+        let seen: Vec<Seen> = pass
+            .positions()
+            .into_iter()
+            .enumerate()
+            .map(|(k, expected)| Seen { expected, offset: change(expected, k), width: Some(width) })
+            .collect();
+        let mut found = Inspection::default();
+        judge(&manifest, pass, &seen, &mut found);
+        (found.mirror[0].clone(), found.warnings.join("; "))
+    }
+
+    #[test]
+    fn offset_step_scatter_and_width_are_told_apart() {
+        let noise = |k: usize| 0.001 * [1.0, -2.0, 0.5][k % 3];
+        let (check, warnings) = judged(|_, k| noise(k), 5.0);
+        assert!(check.agrees && warnings.is_empty(), "{warnings}");
+        // Texels stated 1.3 times too large put the reflection 1.3 times as far from the middle.
+        let (check, warnings) = judged(|x, k| 0.3 * x + noise(k), 5.0);
+        assert!(!check.agrees && (check.travel - 1.3).abs() < 1e-3 && warnings.contains("0.384"), "{warnings}");
+        let (check, warnings) = judged(|_, k| if k % 2 == 0 { 1.5 } else { -1.5 }, 5.0);
+        assert!(!check.agrees && warnings.contains("scatter by ±"), "{warnings}");
+        let (check, warnings) = judged(|_, k| noise(k), 16.0);
+        assert!(!check.agrees && warnings.contains("radius 8.00 mm"), "{warnings}");
+        let (check, warnings) = judged(|_, k| 2.0 + noise(k), 5.0);
+        assert!(!check.agrees && warnings.contains("start_mm and end_mm are off"), "{warnings}");
+    }
 }

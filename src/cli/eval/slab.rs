@@ -9,8 +9,8 @@ use mesophyll_optics::slab::verdict::{Evaluator, Method};
 
 /// CSV columns `omega,delta` (single-scattering albedo, optical thickness) → `rho_d,rho_t,status`.
 ///
-/// The slab scatters isotropically. It has the index of its surroundings, so that its faces reflect nothing; with `--index
-/// N` it lies in air, and rho_d has the mirror reflection of its faces, as an integrating sphere measures it.
+/// The slab scatters isotropically. It has the index of its surroundings, so that its faces reflect nothing; with
+/// `--index N` it lies in air, and rho_d has the mirror reflection of its faces, as an integrating sphere measures it.
 ///
 /// Near ω = 1, `one_minus_omega` may be given as a column of its own; where it is, it decides and omega only has to
 /// agree to 1e-9.
@@ -26,8 +26,8 @@ pub struct Args {
     /// Angle of the beam from the normal, below 90 (with --method exact)
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
     incidence_deg: f64,
-    /// Refractive index of the slab; its faces reflect light from outside and from inside, beyond the critical angle all
-    /// of it (fast or exact)
+    /// Refractive index of the slab; its faces reflect light from outside and from inside, beyond the critical angle
+    /// all of it (fast or exact)
     #[arg(long, value_name = "N", default_value_t = 1.0)]
     index: f64,
 }

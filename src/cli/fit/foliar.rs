@@ -140,8 +140,8 @@ fn known(given: &[Parameter], cells: &[f64]) -> std::result::Result<Known, Strin
 }
 
 /// What the command takes, for messages.
-const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R450, T450, or spectra in long form: leaf, \
-                     wavelength_nm, R, T";
+const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R450, T450, or spectra in long form: \
+                     leaf, wavelength_nm, R, T";
 
 /// Why a share of light can be no reading of a leaf, if so; noise may carry it a little beyond 0 and 1.
 fn impossible(column: &Column, value: f64) -> Option<String> {
@@ -200,7 +200,7 @@ fn wide(
         Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
     if !outside.is_empty() {
         let columns = counted(outside.len(), "column");
-        progress::say(format!("{file}: {columns} outside {low} to {high} nm, the table of pigments, are not read"));
+        progress::say(format!("{file}: {columns} outside {low} to {high} nm, the table of pigments, left out"));
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = Shares::of(&table, &names, args.percent)?;
@@ -258,7 +258,8 @@ fn leaves(table: Table, spec: &Spec) -> Result<Groups> {
     let mut seen = HashSet::new();
     if let Some(row) = groups.rows().find(|row| !seen.insert((row.values[0].to_bits(), row.texts[0].clone()))) {
         let what = format!(
-            "no such column, and the wavelength {} of line {} is there before; expected the name of the leaf in each row",
+            "no such column, and the wavelength {} of line {} is there before; expected the name of the leaf in each \
+             row",
             row.values[0], row.line
         );
         return Err(Error::field(&name, LEAF[0], what));

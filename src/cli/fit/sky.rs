@@ -25,8 +25,13 @@ const EXAMPLES: &str = "Examples:
 /// angle and azimuth, the turbidity and the reading of one kcd/m², with standard errors. Azimuth grows from +x to +y;
 /// an equirectangular picture's middle column looks to +x and its right half towards -y, a fisheye's top is +x and its
 /// right +y. Ignored pixels: those that are NaN, those whose mask or alpha channel A is below 1/2, and those below the
-/// horizon. The fit finds clipped pixels, clouds and the sun's disk by itself and leaves them out. DIR gets fit.toml,
-/// times.toml and all.exr (fate, reduced chi2, residuals).
+/// horizon. The fit finds clipped pixels, clouds and the sun's disk by itself and leaves them out of the sky.
+///
+/// The sun is taken from its disk where the picture shows it, unless the sky's brightness tells its place more closely
+/// and the disk agrees; the answer says which. The disk is one compact spot far brighter than the sky, or clipped.
+/// Where another spot is as bright there is none, and where the spot is far from the sun of the sky, both are named.
+///
+/// DIR gets fit.toml, times.toml and all.exr (fate, reduced chi2, residuals).
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, after_long_help = format!("{EXAMPLES}\n\n{}", tables::help("fit sky")))]
 pub struct Args {
@@ -133,10 +138,11 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
     let degrees = 180.0 / std::f64::consts::PI;
     progress::say(format!(
-        "sun {} from the zenith, azimuth {} (degrees); turbidity {}; scale {}; residuals {:.2} % of a reading, reduced \
-         chi2 {:.3}; {}; wrote {}",
+        "sun {} from the zenith, azimuth {} (degrees), taken from the {}; turbidity {}; scale {}; residuals {:.2} % of \
+         a reading, reduced chi2 {:.3}; {}; wrote {}",
         shown(found.sun_zenith, degrees),
         shown(found.sun_azimuth, degrees),
+        found.sun_from.name(),
         shown(found.turbidity, 1.0),
         shown(found.scale, 1.0),
         100.0 * found.relative_rms,
@@ -155,6 +161,8 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
             "sun_azimuth_deg": known(found.sun_azimuth, degrees),
             "turbidity": known(found.turbidity, 1.0),
             "scale": known(found.scale, 1.0),
+            "sun_from": found.sun_from.name(),
+            "disk": panorama::record::disk_in_words(&found),
             "noise": found.noise,
             "reduced_chi2": number(found.reduced_chi2),
             "relative_rms": found.relative_rms,

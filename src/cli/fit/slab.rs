@@ -28,8 +28,8 @@ use std::sync::{Mutex, PoisonError};
 /// that the slab could be inverted. Where noise leaves a parameter open, the status names it, with a bound at two
 /// standard errors where one side is closed.
 ///
-/// The slab scatters isotropically, so sigma_s is the reduced coefficient σs(1−g) of tissue that scatters forward. It is
-/// taken at the index of its surroundings, so that its faces reflect nothing, unless `--index N` states its own.
+/// The slab scatters isotropically, so sigma_s is the reduced coefficient σs(1−g) of tissue that scatters forward. It
+/// is taken at the index of its surroundings, so that its faces reflect nothing, unless `--index N` states its own.
 ///
 /// One of rho_d and rho_t is enough where the other coefficient is known: a column `known_sigma_a` or `known_sigma_s`
 /// (1/mm, with `known_sigma_a_err` or `known_sigma_s_err`).
@@ -81,6 +81,10 @@ const UNITS: [&str; 3] = ["um", "mm", "m"];
 
 const WAVELENGTH: &str = "wavelength_nm";
 
+/// Why the readings of an integrating sphere alone determine nothing.
+const LOST_LIGHT: &str = "light that leaves the sample beside the sphere's ports is missing and looks like absorption; \
+                          where it is small, give R and T as a table";
+
 const INPUTS: [&str; 9] = [
     "rho_d",
     "rho_t",
@@ -126,17 +130,29 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let table = spectra::open(&args.io.input)?;
     if let Some(stated) = table.stated() {
-        stated.check_index(table.name(), 1.0)?;
+        stated.check_index(table.name(), args.index)?;
     }
+    let loses_light = table.stated().is_some_and(|stated| stated.loses_light);
     let mut names = column_names(&args.columns, &table)?;
     spectra::find(&table, &INPUTS, &mut names)?;
-    let wide = if table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
-        wavelengths(&table)?
-    } else {
-        Vec::new()
-    };
-    let shares_are_there = !wide.is_empty() || table.column(&names[0]).is_some();
+    let some_known = names[5..7].iter().any(|name| table.column(name).is_some());
+    if some_known && names[..2].iter().all(|name| table.column(name).is_none()) {
+        return Err(Error::input(
+            table.name(),
+            "it has a known sigma, but neither rho_d nor rho_t; expected one of them, in a row for each wavelength",
+        ));
+    }
+    let wide =
+        if !some_known && table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
+            wavelengths(&table)?
+        } else {
+            Vec::new()
+        };
+    let shares_are_there = !wide.is_empty() || names[..2].iter().any(|name| table.column(name).is_some());
     if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
+        if let Some(stated) = table.stated() {
+            return Err(Error::input(table.name(), stated.lacks(INPUTS[2])));
+        }
         let what = "no such column; expected the thickness, h in mm or a column such as thickness_um; the header has";
         return Err(Error::field(table.name(), INPUTS[2], format!("{what} {}", table.shown_header())));
     }
@@ -147,18 +163,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
         ..Spec::default()
     };
-    let some_known = names[5..7].iter().any(|name| table.column(name).is_some());
-    if some_known && !wide.is_empty() {
-        return Err(Error::Usage(format!(
-            "{} is a number for one wavelength; expected a table with a row for each wavelength",
-            names[5..7].iter().find(|name| table.column(name).is_some()).map_or("", |name| name)
-        )));
-    }
     if wide.is_empty() {
         // With one coefficient known, one of rho_d and rho_t is enough, in the whole table or in a row.
-        if some_known && names[..2].iter().all(|name| table.column(name).is_none()) {
-            table.require(&names[0])?;
-        }
         for (value, error) in [(5, 7), (6, 8)] {
             if table.column(&names[error]).is_some() {
                 table.require(&names[value])?;
@@ -240,6 +246,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             }
             if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
                 answer.status = doubted(answer.status, &why);
+            } else if loses_light {
+                answer.status = doubted(answer.status, LOST_LIGHT);
             }
             if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
                 without_errors.fetch_add(1, Ordering::Relaxed);

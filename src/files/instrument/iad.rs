@@ -123,8 +123,11 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
         file.notes.push(format!("{zeros} transmittances of 0 are taken as not measured, as iad takes them"));
     }
     if spheres > 0.0 && file.barred.is_none() {
+        file.loses_light = true;
         file.notes.push(
-            "its comment says that it was measured in a dual beam (iad -X): no correction for the sphere is needed"
+            "its comment says that it was measured in a dual beam (iad -X): no correction for the sphere is needed. \
+             Light that leaves the sample beyond the sphere's ports is missing all the same, which makes the \
+             absorption too large; iad estimates it by Monte Carlo"
                 .into(),
         );
     }

@@ -1,7 +1,7 @@
 //! Texts of LI-COR's spectrometers. The LI-180 measures the light of a lamp or of the sky: `Model Name`, then a line
 //! `380nm` and its value a wavelength, all with tabs. The LI-1800's program PC1800 writes `.PRN`: lines in quotes, then
-//! a wavelength and a value a line; its remark (`REM:`) names a reflectance or a transmittance in words, and `(QNTM)` an
-//! irradiance in photons.
+//! a wavelength and a value a line; its remark (`REM:`) names a reflectance or a transmittance in words, and `(QNTM)`
+//! an irradiance in photons.
 
 use super::join::joined;
 use super::text::{left_out, lines, number, wavelength};

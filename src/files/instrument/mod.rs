@@ -146,6 +146,8 @@ pub struct File {
     pub thickness_mm: Option<f64>,
     /// Refractive index of the sample, where the form states one.
     pub index: Option<f64>,
+    /// Whether the instrument misses light that leaves the sample beside its ports, so that it seems to be absorbed.
+    pub loses_light: bool,
     /// What a user should know of the readings.
     pub notes: Vec<String>,
     /// Why nothing can be computed with the file, and what helps.
@@ -171,6 +173,7 @@ impl File {
             readings: Vec::new(),
             thickness_mm: None,
             index: None,
+            loses_light: false,
             notes: Vec::new(),
             barred: None,
         }

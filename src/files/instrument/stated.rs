@@ -13,6 +13,8 @@ pub struct Stated {
     pub unit: Option<Unit>,
     /// Refractive index of the sample, where the form states one.
     pub index: Option<f64>,
+    /// Whether light that leaves the sample beside the instrument's ports is missing from its readings.
+    pub loses_light: bool,
     /// The quantities that were read.
     holds: Vec<Quantity>,
     notes: Vec<String>,
@@ -21,11 +23,18 @@ pub struct Stated {
 impl Stated {
     pub(super) fn of(file: &File) -> Stated {
         let holds = [Quantity::Reflectance, Quantity::Transmittance].into_iter().filter(|q| file.has(*q)).collect();
-        Stated { form: file.form, unit: file.unit, index: file.index, holds, notes: file.notes.clone() }
+        Stated {
+            form: file.form,
+            unit: file.unit,
+            index: file.index,
+            loses_light: file.loses_light,
+            holds,
+            notes: file.notes.clone(),
+        }
     }
 
     pub(super) fn of_sheet(notes: Vec<String>) -> Stated {
-        Stated { form: Form::Xlsx, unit: None, index: None, holds: Vec::new(), notes }
+        Stated { form: Form::Xlsx, unit: None, index: None, loses_light: false, holds: Vec::new(), notes }
     }
 
     /// What a user should know of what was read.
@@ -53,7 +62,11 @@ impl Stated {
         let percent = if self.unit == Some(Unit::PerCent) { " --percent" } else { "" };
         let holds = self.holds.iter().map(ToString::to_string).collect::<Vec<_>>().join(" and ");
         let missing = match name {
-            "h" | "thickness" | "thickness_mm" | "thickness_um" | "thickness_m" => "thickness".to_string(),
+            "h" | "thickness" | "thickness_mm" | "thickness_um" | "thickness_m" => {
+                let both = [Quantity::Reflectance, Quantity::Transmittance];
+                let other = both.into_iter().find(|q| !self.holds.contains(q));
+                other.map_or_else(String::new, |q| format!("{q} and no ")) + "thickness"
+            }
             "rho_d" | "R" => Quantity::Reflectance.to_string(),
             "rho_t" | "T" => Quantity::Transmittance.to_string(),
             _ => format!("column {name}"),

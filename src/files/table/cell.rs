@@ -62,12 +62,14 @@ impl Possible {
     }
 
     /// Whether the number is in the range.
+    #[inline]
     pub fn holds(&self, v: f64) -> bool {
         (self.range[0]..=self.range[1]).contains(&v)
     }
 
     /// Whether the number means a missing reading: −9999 in every column, and where no reading can be, a number of
     /// nines (−999, −9.99, 9999), a number of at least 1e30, and the value that the table repeats.
+    #[inline]
     pub fn is_missing(&self, v: f64) -> bool {
         v == NOTHING || !self.holds(v) && v.is_finite() && (v.abs() >= FILL || nines(v) || self.repeated == Some(v))
     }
@@ -95,6 +97,7 @@ pub(super) enum Cell {
 }
 
 /// Reads a cell, which has no blanks around it.
+#[inline]
 pub(super) fn read(text: &str, decimal_comma: bool, possible: &Possible) -> Cell {
     let number = |v: f64| if possible.is_missing(v) { Cell::Stated } else { Cell::Number(v) };
     match text.parse::<f64>() {
@@ -140,12 +143,12 @@ pub(super) fn complaint(name: &str, text: &str, cell: Cell, decimal_comma: bool)
         Cell::Missing if text.is_empty() => format!("{name} is empty"),
         Cell::Missing | Cell::Stated => format!("{name} is missing ({text})"),
         Cell::Unclear if decimal_comma => format!(
-            "{name} is {text:?}; in this table commas are decimal, so a point may separate thousands; expected a number \
-             without a point"
+            "{name} is {text:?}; in this table commas are decimal, so a point may separate thousands; expected a \
+             number without a point"
         ),
         Cell::Unclear => format!(
-            "{name} is {text:?}; a comma may be decimal or separate thousands; expected a number with a decimal point, or \
-             a table with decimal commas in all its numbers, separated by semicolons or tabs"
+            "{name} is {text:?}; a comma may be decimal or separate thousands; expected a number with a decimal point, \
+             or a table with decimal commas in all its numbers, separated by semicolons or tabs"
         ),
         _ => format!("{name} is {text:?}; expected a number"),
     }

@@ -86,18 +86,16 @@ impl Dialect {
             b'\t' => Some("tabs"),
             _ => None,
         };
-        parts.extend(separator.map(|s| format!("separated by {s}")));
-        if self.decimal_comma {
-            parts.push("with decimal commas".into());
-        }
+        let commas = if self.decimal_comma { " with decimal commas" } else { "" };
+        parts.extend(separator.map(|s| format!("separated by {s}{commas}")));
         if !self.mark.is_empty() {
-            parts.push(format!("with the names of its columns in line {}, behind {}", self.skipped + 1, self.mark));
+            parts.push(format!("with the names of its columns in line {} behind {}", self.skipped + 1, self.mark));
         }
         if self.comments > 0 {
             let lines = if self.comments == 1 { "line" } else { "lines" };
             parts.push(format!("without the {} comment {lines} at its beginning", self.comments));
         }
-        (!parts.is_empty()).then(|| parts.join(" "))
+        (!parts.is_empty()).then(|| parts.join(", "))
     }
 }
 
@@ -317,7 +315,7 @@ mod tests {
         }
         assert_eq!(
             of("# a\n# b\nx;y\n0,5;2\n").words().unwrap(),
-            "separated by semicolons with decimal commas without the 2 comment lines at its beginning"
+            "separated by semicolons with decimal commas, without the 2 comment lines at its beginning"
         );
         assert_eq!(of("x,y\n").words(), None);
     }

@@ -247,7 +247,8 @@ mod tests {
 
     #[test]
     fn rows_of_one_name_are_answered_together_and_a_bad_one_costs_itself() {
-        let text = "# made by\nleaf,x,note\nelm,1,a\nash,2,b\n\nelm,4,c\noak,x,d\n\"a,b\",8,\nelm,NA,\nash,y,\nelm,90,\nfir,91,\n";
+        let text = "# made by\nleaf,x,note\nelm,1,a\nash,2,b\n\nelm,4,c\n\
+                    oak,x,d\n\"a,b\",8,\nelm,NA,\nash,y,\nelm,90,\nfir,91,\n";
         let spec = Spec { required: vec!["x".into()], outputs: vec!["sum".into()], ..Spec::default() };
         let (found, tally) = answered(text, &spec);
         assert_eq!((tally.rows, tally.ok, tally.refused), (5, 3, 2));

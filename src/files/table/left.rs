@@ -26,6 +26,8 @@ impl LeftOut {
     pub fn words(&self) -> String {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
         all.sort();
+        // Several readings of a line may have one reason.
+        all.dedup();
         listed(all.iter().map(|(line, why)| format!("line {line}: {why}")))
     }
 

@@ -271,7 +271,8 @@ impl Table {
     /// [`Record::fault`].
     ///
     /// # Errors
-    /// [`Error::Input`] for a file that cannot be read, and where the rows that were read are not all lines of the file.
+    /// [`Error::Input`] for a file that cannot be read, and where the rows that were read are not all lines of the
+    /// file.
     pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
         self.block.clear();
         if !self.rows.next(&mut self.block).map_err(|e| self.unreadable(&e))? {

@@ -77,7 +77,7 @@ impl<'a, 'b> Chain<'a, 'b> {
             part.iter().for_each(|&k| self.texel(k, &mut off));
             off
         };
-        let both = |a: Vec<Off>, b: Vec<Off>| a.into_iter().zip(b).map(|(x, y)| x.and(y)).collect();
+        let both = |a: Vec<Off>, b: Vec<Off>| -> Vec<Off> { a.into_iter().zip(b).map(|(x, y)| x.and(y)).collect() };
         let all = texels.par_chunks(4096).map(some).reduce(none, both);
         let names = std::iter::once("thickness.Y".to_string())
             .chain([Quantity::Gamma, Quantity::SigmaA, Quantity::SigmaS].iter().flat_map(|q| q.channels()));

@@ -90,15 +90,14 @@ fn a_map_changed_and_hashed_anew_is_named_with_its_channel() {
         ("back_err.exr", |c, v| if c == "thickness.Y" { 0.1 * v } else { v }, "back_err.exr", "thickness.Y"),
         ("back_err.exr", |c, v| if c == "sigma_a.G" { 0.1 * v } else { v }, "back_err.exr", "sigma_a.G"),
     ];
-    for (file, change, named, words) in cases {
-        for fit in ["elm", "balata"] {
-            let copy = Copy::of(fit);
-            copy.map(file, !words.contains("rho_s"), change);
-            let found = copy.faults();
-            assert_eq!(found.changed, [], "{found:?}");
-            let said = |s: &String| s.contains(named) && s.contains(words);
-            assert!(found.contradictions.iter().any(said), "{fit}, {file}, {words}: {found:#?}");
-        }
+    for (n, (file, change, named, words)) in cases.into_iter().enumerate() {
+        let fit = ["elm", "balata"][n % 2];
+        let copy = Copy::of(fit);
+        copy.map(file, !words.contains("rho_s"), change);
+        let found = copy.faults();
+        assert_eq!(found.changed, [], "{found:?}");
+        let said = |s: &String| s.contains(named) && s.contains(words);
+        assert!(found.contradictions.iter().any(said), "{fit}, {file}, {words}: {found:#?}");
     }
 }
 
@@ -131,13 +130,12 @@ fn a_number_changed_and_hashed_anew_is_named_with_its_field() {
             *counts.get_mut("outside").unwrap() += 100;
         }),
     ];
-    for (words, change) in cases {
-        for fit in ["elm", "balata"] {
-            let copy = Copy::of(fit);
-            copy.record(change);
-            let found = copy.faults();
-            assert!(found.contradictions.iter().any(|s| s.contains(words)), "{fit}, {words}: {found:#?}");
-        }
+    for (n, (words, change)) in cases.into_iter().enumerate() {
+        let fit = ["elm", "balata"][n % 2];
+        let copy = Copy::of(fit);
+        copy.record(change);
+        let found = copy.faults();
+        assert!(found.contradictions.iter().any(|s| s.contains(words)), "{fit}, {words}: {found:#?}");
     }
 }
 

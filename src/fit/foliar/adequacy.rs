@@ -15,8 +15,8 @@ pub(super) enum Stated {
     Nothing,
 }
 
-/// Root mean square of residuals below which they are not judged where no noise is stated: the precision of the surfaces
-/// (2e-5) and of cells with four digits.
+/// Root mean square of residuals below which they are not judged where no noise is stated: the precision of the
+/// surfaces (2e-5) and of cells with four digits.
 const PRECISION: f64 = 1e-4;
 /// What exact readings may be off by: cells often have three digits.
 const ROUNDED: f64 = 1e-3;
@@ -96,5 +96,18 @@ fn most(p: Parameter) -> f64 {
         Parameter::CelluloseLignin => 40_000.0,
         Parameter::Water => 0.4,
         Parameter::Oblateness | Parameter::Thickness => f64::INFINITY,
+    }
+}
+
+/// Says so where a parameter may lie at the edge of the searched range, within two standard errors. Where the parameter
+/// may lie at both edges, nothing is said. `x` and its error `s` are in the solver's variables.
+pub(super) fn bound(p: Parameter, x: f64, s: f64) -> Option<String> {
+    let (most, _) = p.range();
+    let (low, high) = (x - 2.0 * s, x + 2.0 * s);
+    let shown = |x: f64| if p == Parameter::Oblateness { x.exp_m1() } else { x };
+    match (low > 0.0, high < most) {
+        (false, true) => Some(format!("{} <= {:.3}", p.column(), shown(high))),
+        (true, false) => Some(format!("{} >= {:.3}", p.column(), shown(low))),
+        _ => None,
     }
 }

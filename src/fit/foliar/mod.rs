@@ -353,7 +353,7 @@ impl Model {
             };
             let error = if exact && s.is_finite() { 0.0 } else { error * judged.widening[k] };
             let lost = !fit.converged() || fit.uncertainty.undetermined.contains(&k) || !s.is_finite() && known_noise;
-            let bound = self.bound(*p, x, s).filter(|_| known_noise);
+            let bound = adequacy::bound(*p, x, s).filter(|_| known_noise);
             if let (Some(bound), false) = (&bound, lost) {
                 open.push(bound.clone());
             } else if let Some(why) = adequacy::no_leaf_has(*p, value) {
@@ -375,21 +375,6 @@ impl Model {
             None => Status::Undetermined(open.join("; ")),
         };
         Answer { values, status }
-    }
-}
-
-impl Model {
-    /// Says so where a parameter may lie at the edge of the searched range, within two standard errors. Where the
-    /// parameter may lie at both edges, nothing is said. `x` and its error `s` are in the solver's variables.
-    fn bound(&self, p: Parameter, x: f64, s: f64) -> Option<String> {
-        let (most, _) = p.range();
-        let (low, high) = (x - 2.0 * s, x + 2.0 * s);
-        let shown = |x: f64| if p == Parameter::Oblateness { x.exp_m1() } else { x };
-        match (low > 0.0, high < most) {
-            (false, true) => Some(format!("{} <= {:.3}", p.column(), shown(high))),
-            (true, false) => Some(format!("{} >= {:.3}", p.column(), shown(low))),
-            _ => None,
-        }
     }
 }
 

@@ -74,14 +74,14 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 
-/// Records the faults that were found, and takes them into account: the errors of the texels hold what a wrong cause did
-/// to them, and residuals that nothing explains.
+/// Records the faults that were found, and takes them into account: the errors of the texels hold what a wrong cause
+/// did to them, and residuals that nothing explains.
 pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level: &mut Level) {
     for (fitted, (bias, scale)) in done.iter_mut().zip(found.bias.into_iter().zip(found.scale)) {
         widen(&mut fitted.maps, bias, scale);
     }
-    // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise from
-    // both.
+    // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise
+    // from both.
     let beside = found.noise.iter().flatten().copied().reduce(f64::max);
     level.seen = match (level.seen, beside) {
         (Some(seen), Some(beside)) if seen > 1.0 => Some(seen.min(beside.max(1.0))),

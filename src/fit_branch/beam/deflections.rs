@@ -42,6 +42,9 @@ pub const OUTPUTS: [&str; 12] = [
 const REQUIRED: [&str; 4] = ["branch", "length_mm", "position_mm", "deflection_mm"];
 const OPTIONAL: [&str; 5] = ["deflection_err_mm", "load_n", "load_err_n", "modulus_gpa", "modulus_err_gpa"];
 
+/// What lengths, errors, loads and moduli are.
+const NOT_NEGATIVE: [f64; 2] = [0.0, f64::INFINITY];
+
 /// A branch as it was read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Named {
@@ -64,9 +67,9 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
     let optional: Vec<Option<usize>> = OPTIONAL.iter().map(|c| table.column(c)).collect();
     let mut branches: Vec<Named> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
-    let (mut row, mut line) = (Record::default(), 1);
+    let mut row = Record::default();
     while table.next_record(&mut row)? {
-        line += 1;
+        let line = row.line();
         let name = row.shown(columns[0]).into_owned();
         let at = *places.entry(name.clone()).or_insert_with(|| {
             let empty = Branch { length: f64::NAN, readings: Vec::new(), load: [f64::NAN; 2], modulus: [f64::NAN; 2] };
@@ -75,16 +78,17 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
         });
         let Named { branch, unread, .. } = &mut branches[at];
         let mut faults: Vec<String> = row.fault(table.header.len()).into_iter().collect();
-        let mut number = |column: Option<usize>| {
-            let found = column.map_or(Ok(None), |column| number(&table, &row, column));
+        let mut number = |column: Option<usize>, range: [f64; 2]| {
+            let found = column.map_or(Ok(None), |column| table.number_in(&row, column, range));
             found.unwrap_or_else(|why| {
                 faults.push(why);
                 None
             })
         };
-        let [length, position, deflection] = [1, 2, 3].map(|k| number(Some(columns[k])));
+        let [length, position] = [1, 2].map(|k| number(Some(columns[k]), NOT_NEGATIVE));
+        let deflection = number(Some(columns[3]), [f64::NEG_INFINITY, f64::INFINITY]);
         let [error, load, load_err, modulus, modulus_err] =
-            [0, 1, 2, 3, 4].map(|k| number(optional[k]).unwrap_or(f64::NAN));
+            [0, 1, 2, 3, 4].map(|k| number(optional[k], NOT_NEGATIVE).unwrap_or(f64::NAN));
         let error = if error.is_nan() { noise.unwrap_or(f64::NAN) } else { error };
         let broken = row.fault(table.header.len()).is_some();
         match (position, deflection) {
@@ -106,16 +110,6 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
         unread.extend(faults.iter().map(|why| format!("line {line}: {why}")));
     }
     Ok(branches)
-}
-
-/// The number in a cell; `None` where it says that there is none.
-fn number(table: &Table, row: &Record, column: usize) -> std::result::Result<Option<f64>, String> {
-    let text = row.shown(column);
-    if text.is_empty() {
-        return Ok(None);
-    }
-    let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
-    number.map(Some).ok_or_else(|| format!("{} is {text:?}; expected a number", table.header[column]))
 }
 
 /// Adds a row. What belongs to the branch as a whole must be the same in all its rows; empty cells are ignored.

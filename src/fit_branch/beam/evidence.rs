@@ -1,15 +1,15 @@
 //! Which kind of load the readings speak for.
 //!
-//! A load of another kind looks much like an even one on another taper: a load at the tip of an untapered branch like an
-//! even load on a taper of .65, to .2 % of the tip's deflection. So readings seldom tell loads apart, and the load is
-//! stated ([`Load`]) or taken as even. What can be asked is whether the readings speak against an even load.
+//! A load of another kind looks much like an even one on another taper: a load at the tip of an untapered branch like
+//! an even load on a taper of .65, to .2 % of the tip's deflection. So readings seldom tell loads apart, and the load
+//! is stated ([`Load`]) or taken as even. What can be asked is whether the readings speak against an even load.
 //!
 //! Each load is weighed by the probability with which it foretells the readings. Whether the branch tapers is not known
-//! beforehand either: it is taken, at even chances, as untapered (a rod, a stick of one thickness) or as of any taper. A
-//! load that describes the readings without a taper is then likelier than one that describes them equally well with a
+//! beforehand either: it is taken, at even chances, as untapered (a rod, a stick of one thickness) or as of any taper.
+//! A load that describes the readings without a taper is then likelier than one that describes them equally well with a
 //! taper made to measure, by the range that was open for the taper over its standard error (Occam's factor: D. J. C.
-//! MacKay, Neural Computation 4 (1992), 415–447). The place of a single load is open too, so its probability is the mean
-//! over places.
+//! MacKay, Neural Computation 4 (1992), 415–447). The place of a single load is open too, so its probability is the
+//! mean over places.
 
 use super::curve::{Marks, PRECISION};
 use super::measured::{Along, Known, Reading};
@@ -18,9 +18,10 @@ use mesophyll_plant::load::Load;
 /// Places of a single load that are tried, as shares of the length.
 const PLACES: [f64; 4] = [0.45, 0.6, 0.75, 0.9];
 /// A load that is this many times as probable as an even one is evidence against an even one (H. Jeffreys, *Theory of
-/// Probability*, appendix B: substantial). Of 200 simulated branches under an even load, with twelve marks and tapers of
-/// .15, .3, .5 and .8, at most 12 % come to that; of tapers near .65 most do, because those are what a rod with a load at
-/// its tip looks like, of which three quarters come to that.
+/// Probability*, appendix B: substantial). Of simulated branches with twelve marks that carry an even load, at most 4 %
+/// come to that for tapers of .15, .3 and .5, and 11 % for .8; of tapers near .65 most do, because those are what a rod
+/// with a load at its tip looks like. Of such rods 96 % come to that. A load at the tip of a branch that tapers seldom
+/// does: only `--load` can tell.
 pub const SUBSTANTIAL: f64 = 5.0;
 /// Standard errors of a taper beyond which it is not 1.
 const FAR: f64 = 6.0;

@@ -2,9 +2,9 @@
 //!
 //! Model: a clamped, linearly tapered circular branch that is level when it is straight, under a load that keeps its
 //! direction ([`Load`]), bent as far as it goes ([`mesophyll_plant::elastica`]). Its size is A = F/(E′r₁⁴) = F L³/(E
-//! s₁⁴) (mm): the load F (N), the length L (mm), the modulus E (N/mm²), the root radius s₁ (mm). A deflection is how far
-//! a mark moved across the straight branch. Its position is the distance from the root along the branch, which bending
-//! does not change, or along the straight axis, where a plumb line through the bent branch meets it.
+//! s₁⁴) (mm): the load F (N), the length L (mm), the modulus E (N/mm²), the root radius s₁ (mm). A deflection is how
+//! far a mark moved across the straight branch. Its position is the distance from the root along the branch, which
+//! bending does not change, or along the straight axis, where a plumb line through the bent branch meets it.
 //!
 //! Unknowns are ln α (α is the taper: radius at the tip over radius at the root) and A. **Load, modulus and root radius
 //! cannot be told apart**, because deflections depend on F/(E s₁⁴) alone. With load and modulus given, the root radius

@@ -13,10 +13,10 @@
 //! The estimate is that of P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953),
 //! 423–434. The periodogram I_k at each frequency is about exponentially distributed around its mean E_k, so Σ ln E_k +
 //! I_k/E_k is minimised. E_k is not S(f_k), because a record of finite length and step, with gaps, leaks and folds. It
-//! is computed from the autocovariance (A. M. Sykulski et al., "The debiased Whittle likelihood", Biometrika 106 (2019),
-//! 251–266; with gaps: A. P. Guillaumin et al., "The debiased spatial Whittle likelihood", J. R. Stat. Soc. B 84 (2022),
-//! 1526–1557). With ρ = I/E, the sum is written as squares of residuals ±√(2(ρ − 1 − ln ρ)), so that the certified
-//! solver can minimise it. Standard errors come from Fisher's information Σ ∂ln E ∂ln E.
+//! is computed from the autocovariance (A. M. Sykulski et al., "The debiased Whittle likelihood", Biometrika 106
+//! (2019), 251–266; with gaps: A. P. Guillaumin et al., "The debiased spatial Whittle likelihood", J. R. Stat. Soc. B
+//! 84 (2022), 1526–1557). With ρ = I/E, the sum is written as squares of residuals ±√(2(ρ − 1 − ln ρ)), so that the
+//! certified solver can minimise it. Standard errors come from Fisher's information Σ ∂ln E ∂ln E.
 //!
 //! A branch that was pulled and let go moves in another way ([`decay`]): nothing about it is random. Which of the two a
 //! record is, its likelihood says.

@@ -24,10 +24,8 @@ const EPOCH_MS: f64 = 1e11;
 const FAULTY: f64 = 0.1;
 /// Most places of the grid, for each reading: a record with more gaps is none.
 const SPARSE: usize = 20;
-/// What stands where there is no reading.
-const MISSING: [&str; 9] = ["", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a"];
-/// Numbers that stand where there is no reading.
-const MISSING_NUMBERS: [f64; 3] = [-9999.0, -99999.0, 9999.0];
+/// Deflections (mm) that are possible: no tip is 30 m off. Numbers like 99999 outside it stand for a missing reading.
+const POSSIBLE: [f64; 2] = [-3e4, 3e4];
 
 /// A record, and what was left out of the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -195,11 +193,10 @@ fn longest(grid: &grid::Grid, times: &[f64]) -> (usize, f64) {
 }
 
 fn rows(table: &mut Table, columns: &[usize], time: &str) -> Result<Rows> {
-    let names = [time, "u_mm", "v_mm"];
     let mut out = Rows { channels: vec![Vec::new(); columns.len() - 1], ..Rows::default() };
-    let (mut row, mut line) = (table::Record::default(), 1);
+    let mut row = table::Record::default();
     while table.next_record(&mut row)? {
-        line += 1;
+        let line = row.line();
         let mut lose = |what: String| {
             out.lost.0 += 1;
             out.lost.1.get_or_insert(what);
@@ -208,34 +205,30 @@ fn rows(table: &mut Table, columns: &[usize], time: &str) -> Result<Rows> {
             lose(format!("line {line}: {fault}"));
             continue;
         }
-        let text = row.shown(columns[0]);
-        let Some(stamp) = clock::parse(&text) else {
+        let stamp = match table.number(&row, columns[0]) {
+            Ok(found) => found.filter(|t| t.is_finite()).map(Stamp::Number),
+            Err(_) => clock::parse(&row.shown(columns[0])),
+        };
+        let Some(stamp) = stamp else {
+            let text = row.shown(columns[0]);
             lose(format!("line {line}: {time}: found {text:?}, expected seconds, h:m:s or a date with a time"));
             continue;
         };
         out.lines.push(line);
         out.stamps.push(stamp);
-        for (k, column) in columns.iter().enumerate().skip(1) {
-            let text = row.shown(*column);
-            let value = number(&text);
-            if value.is_none() {
+        for (channel, column) in out.channels.iter_mut().zip(&columns[1..]) {
+            let found = table.number_in(&row, *column, POSSIBLE).and_then(|found| match found {
+                Some(v) if !v.is_finite() => Err(format!("{} is {v}; expected a finite number", table.header[*column])),
+                found => Ok(found.unwrap_or(f64::NAN)),
+            });
+            channel.push(found.unwrap_or_else(|why| {
                 out.odd.0 += 1;
-                out.odd.1.get_or_insert(format!("line {line}: {}: found {text:?}, expected a finite number", names[k]));
-            }
-            out.channels[k - 1].push(value.unwrap_or(f64::NAN));
+                out.odd.1.get_or_insert(format!("line {line}: {why}"));
+                f64::NAN
+            }));
         }
     }
     Ok(out)
-}
-
-/// A reading; NaN where it is missing, `None` where the cell holds something else.
-fn number(text: &str) -> Option<f64> {
-    let text = text.trim();
-    if MISSING.contains(&text.to_ascii_lowercase().as_str()) {
-        return Some(f64::NAN);
-    }
-    let value = text.parse::<f64>().ok().filter(|v| v.is_finite())?;
-    Some(if MISSING_NUMBERS.contains(&value) { f64::NAN } else { value })
 }
 
 impl Rows {

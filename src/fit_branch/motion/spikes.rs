@@ -1,9 +1,9 @@
 //! Wild readings: single ones that the motion before and after them does not lead to.
 //!
-//! The readings are described as an autoregressive process (J. P. Burg's method, over all stretches without gaps), whose
-//! filter a leaves white noise ε_t = Σ_i a_i x_(t−i). The difference of a reading from what all others together let
-//! expect is then Σ_i a_i ε_(t+i)/Σ_i a_i², over the filters within the record, and its variance is that of ε over Σ_i
-//! a_i². This sees far smaller errors than the readings' own spread, because a swaying branch is smooth. Gaps are
+//! The readings are described as an autoregressive process (J. P. Burg's method, over all stretches without gaps),
+//! whose filter a leaves white noise ε_t = Σ_i a_i x_(t−i). The difference of a reading from what all others together
+//! let expect is then Σ_i a_i ε_(t+i)/Σ_i a_i², over the filters within the record, and its variance is that of ε over
+//! Σ_i a_i². This sees far smaller errors than the readings' own spread, because a swaying branch is smooth. Gaps are
 //! filled by their expectation first.
 
 /// A reading this many standard deviations off is wild. One that is not found changes the power density by at most the

@@ -4,7 +4,8 @@ use super::picture::Pixel;
 use super::start::{Guess, angle, turned};
 use mesophyll_sky::preetham::{self, Turbid, xyz_from_separable};
 use mesophyll_sky::{colour, sun_direction};
-use mesophyll_solve::{Closure, Fit, Noise, Options, lm};
+use mesophyll_solve::{Closure, Fit, Noise, Options, Uncertainty, jacobian, lm};
+use nalgebra::DMatrix;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How the sun's direction is written as two parameters: as angles, or as a point of a plane near the zenith, where the
@@ -72,9 +73,15 @@ pub fn modelled(chart: Chart, p: &[f64], pixels: &[Pixel], channels: usize, out:
 /// One descent on the pixels that are kept, with weights from the model at its start.
 pub struct Round {
     pub chart: Chart,
+    /// The fit of all four parameters.
     pub fit: Fit,
+    /// Derivatives of the residuals to the parameters that were fitted, at the solution.
+    pub jacobian: Vec<f64>,
+    /// For every residual, the place of its pixel: row · width + column.
+    pub places: Vec<usize>,
 }
 
+/// `held`: whether the sun stays where the guess has it; then its two parameters have no error.
 pub fn descend(
     pixels: &[Pixel],
     kept: &[bool],
@@ -83,28 +90,66 @@ pub fn descend(
     noise: f64,
     floor: f64,
     known: Noise,
+    held: bool,
 ) -> Round {
     let chart = Chart::at(guess.zenith, guess.azimuth);
     let start = chart.start(guess);
+    // The first parameters that are fitted.
+    let first = if held { 2 } else { 0 };
     let used: Vec<Pixel> = pixels.iter().zip(kept).filter(|(_, k)| **k).map(|(p, _)| *p).collect();
     let mut sigma = vec![0.0; used.len() * channels];
     modelled(chart, &start, &used, channels, &mut sigma);
     sigma.iter_mut().for_each(|s| *s = noise * s.hypot(floor));
-    let problem = Closure::new(4, used.len() * channels, |p: &[f64], r: &mut [f64]| {
-        modelled(chart, p, &used, channels, r);
+    let problem = Closure::new(4 - first, used.len() * channels, |p: &[f64], r: &mut [f64]| {
+        let p = [&start[..first], p].concat();
+        modelled(chart, &p, &used, channels, r);
         for (i, r) in r.iter_mut().enumerate() {
             *r = (*r - used[i / channels].value[i % channels]) / sigma[i];
         }
     });
     let (lower, upper) = chart.bounds();
     let options = Options {
-        lower,
-        upper,
+        lower: lower[first..].to_vec(),
+        upper: upper[first..].to_vec(),
         noise: known,
         max_iterations: 200,
         step_tolerance: 1e-8,
         cost_tolerance: 1e-10,
         ..Options::default()
     };
-    Round { chart, fit: lm::minimize(&problem, &start, &options) }
+    let mut fit = lm::minimize(&problem, &start[first..], &options);
+    let (m, n) = (fit.residuals.len(), 4 - first);
+    let mut inner = vec![0.0; m * n];
+    if fit.converged() {
+        jacobian::numeric(&problem, &fit.params, &options.lower, &options.upper, &mut inner);
+    }
+    if held {
+        fit = with_sun(fit, &start);
+    }
+    Round { chart, fit, jacobian: inner, places: places(pixels, kept, channels) }
+}
+
+/// A fit of turbidity and scale, with the two parameters of the sun put before them.
+fn with_sun(fit: Fit, start: &[f64]) -> Fit {
+    let u = fit.uncertainty;
+    let covariance = DMatrix::from_fn(4, 4, |i, j| if i < 2 || j < 2 { 0.0 } else { u.covariance[(i - 2, j - 2)] });
+    let uncertainty = Uncertainty {
+        covariance,
+        stderr: [&[0.0; 2], &u.stderr[..]].concat(),
+        undetermined: u.undetermined.iter().map(|k| k + 2).collect(),
+        directions: u.directions.iter().map(|d| [&[0.0; 2], &d[..]].concat()).collect(),
+        ..u
+    };
+    Fit {
+        params: [&start[..2], &fit.params[..]].concat(),
+        at_bound: fit.at_bound.iter().map(|k| k + 2).collect(),
+        uncertainty,
+        ..fit
+    }
+}
+
+/// For every residual its pixel's place in the picture.
+fn places(pixels: &[Pixel], kept: &[bool], channels: usize) -> Vec<usize> {
+    let used = pixels.iter().zip(kept).filter(|(_, k)| **k);
+    used.flat_map(|(p, _)| std::iter::repeat_n(p.at, channels)).collect()
 }

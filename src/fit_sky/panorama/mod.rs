@@ -6,11 +6,16 @@
 //! The unknowns are θs, φs, τ and ln s. Pixels that differ from the model by more than [`CUT`] times the scatter are
 //! clouds, trees or the sun's disk. They are left out, again and again until their set no longer changes.
 //!
+//! Where the picture shows the sun's disk ([`disk`]), the disk says where the sun is, and only turbidity and scale are
+//! found from the sky's brightness, unless the sky tells the sun's place more closely and the disk agrees. So a sky
+//! that Preetham's model does not describe still has its sun. Where the two are far apart, the answer says so.
+//!
 //! Limits: one clear sky without clouds, turbidity 1.7 to 10, and the sun above the horizon. A sky that Preetham's
-//! model does not describe within the noise leaves nothing determined; then the best values are printed, with the
-//! misfit.
+//! model does not describe within the noise, or with residuals that have a pattern in the picture, leaves turbidity and
+//! scale undetermined, and the sun too where its disk is not seen; then the best values are printed, with the misfit.
 
 mod descent;
+pub mod disk;
 mod outcome;
 pub mod picture;
 pub mod projection;
@@ -21,6 +26,7 @@ mod start;
 mod tests;
 
 use descent::{Chart, Round, descend, modelled};
+use disk::Disk;
 use mesophyll_files::table::Status;
 use mesophyll_sky::sun_direction;
 use mesophyll_solve::{Fit, Noise, Termination, Trace};
@@ -48,6 +54,10 @@ pub struct Found {
     pub turbidity: Known,
     /// The picture's reading for one kcd/m².
     pub scale: Known,
+    /// What the sun's direction was taken from.
+    pub sun_from: SunFrom,
+    /// The sun's disk, or why none was seen.
+    pub disk: Result<Disk, &'static str>,
     /// Correlations of these four, in this order; NaN where undetermined.
     pub correlation: Vec<Vec<f64>>,
     /// Relative noise of a reading, which the errors are computed from.
@@ -76,8 +86,29 @@ pub struct Found {
     pub fit: Fit,
     /// The steps of the search over starts.
     pub search: Trace,
+    /// Whether the model describes the sky to within the noise.
+    pub described: bool,
     /// Which of the results can be relied on.
     pub status: Status,
+}
+
+/// What the sun's direction was taken from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SunFrom {
+    /// The brightness of the whole sky.
+    Sky,
+    /// The sun's disk.
+    Disk,
+}
+
+impl SunFrom {
+    /// Its name in `fit.toml` and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            SunFrom::Sky => "sky",
+            SunFrom::Disk => "disk",
+        }
+    }
 }
 
 /// Where the noise is known from.
@@ -113,11 +144,39 @@ const ANGLE_KNOWN: f64 = 0.052_36;
 /// Another sun fits as well where χ² rises by less than this.
 const AS_GOOD: f64 = 9.0;
 
+/// The sky's sun and the disk are the same where they are this many standard errors apart, or closer than half a
+/// degree.
+const SAME: f64 = 4.0;
+const SAME_ANGLE: f64 = 0.009;
+/// Another sky than the model's may put its sun this far from the true one (rad); one that is further off is no sky of
+/// this sun.
+const ASTRAY: f64 = 0.6;
+
 /// Fits a panorama; `noise` is the relative standard error of a reading where it is known.
 ///
 /// # Errors
 /// Why nothing can be fitted, in words.
 pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
+    let sky = fit_with(picture, noise, None);
+    let Ok(disk) = picture.disk else { return sky };
+    let held = || fit_with(picture, noise, Some(disk));
+    let Ok(sky) = sky else { return held() };
+    let [z, a] = [sky.sun_zenith, sky.sun_azimuth];
+    let apart = angle(disk.direction, turned(sun_direction(z.value), a.value));
+    let described = sky.described && sky.noise_from != NoiseFrom::Residuals && !sky.status.leaves_open(NAMES[0]);
+    let error = z.error.hypot(a.error * z.value.sin());
+    let same = apart <= SAME_ANGLE.max(SAME * disk.error.hypot(error));
+    if described && same && error <= disk.error {
+        return Ok(sky);
+    }
+    if (described && !same) || (apart > ASTRAY && !disk.certain()) {
+        return Ok(outcome::disputed(sky, &disk, apart));
+    }
+    held().or(Ok(sky))
+}
+
+/// Fits a panorama whose sun is known from its disk, or is to be found.
+fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result<Found, String> {
     if let Some(n) = noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
         return Err(format!("--noise is {n}; expected more than 0 and less than 1 (relative to a reading)"));
     }
@@ -131,7 +190,8 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
     let step = picture.pixels.len().div_ceil(MOST_PIXELS).max(1);
     let pixels: Vec<Pixel> = picture.pixels.iter().copied().step_by(step).collect();
     let floor = 0.02 * median(&mut pixels.iter().flat_map(|p| p.value[..channels].to_vec()).collect::<Vec<_>>());
-    let starts = start::find(picture, level);
+    let starts =
+        disk.map_or_else(|| start::find(picture, level), |disk| start::held(picture, disk.zenith(), disk.azimuth()));
     let Some(first) = starts.guesses.first().copied() else {
         return Err("no sky of the model comes near this panorama".into());
     };
@@ -162,7 +222,7 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         if kept.iter().filter(|k| **k).count() * channels < 8 {
             return Err("hardly a pixel fits any sky of the model".into());
         }
-        let round = descend(&pixels, &kept, channels, &guess, level, floor, known);
+        let round = descend(&pixels, &kept, channels, &guess, level, floor, known, disk.is_some());
         if !round.fit.converged() {
             return Err(format!("the fit stopped without a result: {}", round.fit.termination.name()));
         }
@@ -183,7 +243,7 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
     }
     let Some(round) = last else { return Err("nothing was fitted".into()) };
     // Descents to other suns, on the same pixels.
-    let used = |g: &Guess| descend(&pixels, &kept, channels, g, level, floor, known);
+    let used = |g: &Guess| descend(&pixels, &kept, channels, g, level, floor, known, disk.is_some());
     let own = turned(sun_direction(guess.zenith), guess.azimuth);
     let mut rival = None;
     for g in starts.guesses.iter().skip(1) {
@@ -198,7 +258,16 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
             rival = Some((zenith, azimuth));
         }
     }
-    Ok(finished(picture, &pixels, &kept, round, rival, (level, from), &starts, values))
+    // What the disk's own error does to turbidity and scale: descents with the sun beside its place.
+    let beside = disk.map(|disk| {
+        [[disk.error, 0.0], [0.0, disk.error / guess.zenith.sin().max(disk.error)]].map(|[dz, da]| {
+            let moved = Guess { zenith: guess.zenith + dz, azimuth: guess.azimuth + da, ..guess };
+            let p = used(&moved).fit.params;
+            [p[2] - round.fit.params[2], p[3] - round.fit.params[3]]
+        })
+    });
+    let sun = disk.zip(beside);
+    Ok(finished(picture, &pixels, &kept, round, rival, (level, from), &starts, values, sun))
 }
 
 /// Names of the four results, in order.

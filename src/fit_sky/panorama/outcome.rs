@@ -3,20 +3,22 @@
 //! large an error).
 
 use super::descent::{Chart, OVERHEAD, Round};
+use super::disk::Disk;
 use super::picture::{self, OUTLIER, Picture, Pixel, median};
-use super::{ANGLE_KNOWN, Found, Known, NAMES, NoiseFrom, start};
+use super::{ANGLE_KNOWN, Found, Known, NAMES, NoiseFrom, SunFrom, start};
 use mesophyll_files::table::Status;
 use mesophyll_sky::preetham;
-use mesophyll_solve::Fit;
+use mesophyll_solve::adequacy::{self, Adequacy, Along};
+use mesophyll_solve::{Fit, Noise};
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// The misfit is more than noise where reduced χ² is above 1 by this many of its standard deviations, or by this share
-/// where the noise itself was measured.
-const EXCESS: f64 = 5.0;
+/// The misfit is more than noise where reduced χ² is above 1 by this share, where the noise itself was measured.
 const EXCESS_MEASURED: f64 = 0.4;
 
 /// The result of `round` on the pixels `kept`. `values` are the model's readings there; `rival` is the zenith and
-/// azimuth of a sun that fits as well.
+/// azimuth of a sun that fits as well. `sun`: the disk that the sun was held at, and what its error along the meridian
+/// and across does to turbidity and ln scale.
 pub fn finished(
     picture: &Picture,
     pixels: &[Pixel],
@@ -26,8 +28,10 @@ pub fn finished(
     (level, from): (f64, NoiseFrom),
     starts: &start::Starts,
     values: Vec<f64>,
+    sun: Option<(Disk, [[f64; 2]; 2])>,
 ) -> Found {
-    let Round { chart, fit } = round;
+    let adequacy = judged(&round, picture.width, from);
+    let Round { chart, fit, .. } = round;
     let channels = picture.channels;
     let u = &fit.uncertainty;
     let (zenith, azimuth) = chart.sun(&fit.params);
@@ -57,24 +61,44 @@ pub fn finished(
     };
     // A misfit widens the printed errors, but that does not make the results right.
     let wide = if from == NoiseFrom::Residuals { 1.0 } else { u.reduced_chi2.max(1.0).sqrt() };
-    let misfit = from != NoiseFrom::Residuals && u.freedom > 0 && {
-        let statistical = EXCESS * (2.0 / u.freedom as f64).sqrt();
-        u.reduced_chi2
-            > 1.0 + if from == NoiseFrom::Neighbours { statistical.max(EXCESS_MEASURED) } else { statistical }
+    let excess = from == NoiseFrom::Neighbours && u.freedom > 0 && u.reduced_chi2 > 1.0 + EXCESS_MEASURED;
+    let why = match (adequacy.why("sky"), excess) {
+        (None, true) => Some(format!(
+            "the model does not describe this sky: the residuals are {:.1} times the noise between neighbours",
+            u.reduced_chi2.sqrt()
+        )),
+        (why, _) => why,
     };
-    let widen = if misfit { wide } else { 1.0 };
+    let wide = if excess { wide } else { 1.0 };
+    let widening = |k: usize| {
+        let first = 4 - adequacy.widening.len().min(4);
+        adequacy.widening.get(k.wrapping_sub(first)).copied().unwrap_or(1.0).max(wide)
+    };
     let error = |k: usize| {
         let v = covariance(k, k);
-        if v >= 0.0 { widen * v.sqrt() } else { f64::INFINITY }
+        // The sun's two numbers mix two parameters where it stands overhead.
+        let wider = if k < 2 { widening(0).max(widening(1)) } else { widening(k) };
+        let own = if v >= 0.0 { wider * v.sqrt() } else { f64::INFINITY };
+        match sun {
+            Some((disk, _)) if k == 0 => disk.error,
+            Some((disk, _)) if k == 1 => disk.error / zenith.sin().max(1e-9),
+            Some((_, [a, b])) => {
+                let unit = slope[k][k];
+                own.hypot(unit * a[k - 2]).hypot(unit * b[k - 2])
+            }
+            None => own,
+        }
     };
     let turn = (azimuth + PI).rem_euclid(2.0 * PI) - PI;
     let sun_zenith = Known { value: zenith, error: error(0) };
     let sun_azimuth = Known { value: turn, error: error(1) };
     let turbidity = Known { value: fit.params[2], error: error(2) };
     let scale = Known { value: fit.params[3].exp(), error: error(3) };
-    let correlation = (0..4)
-        .map(|i| (0..4).map(|j| covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt()).collect())
-        .collect();
+    let correlated = |i: usize, j: usize| match sun {
+        Some(_) if i < 2 || j < 2 => f64::from(u8::from(i == j)),
+        _ => covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt(),
+    };
+    let correlation = (0..4).map(|i| (0..4).map(|j| correlated(i, j)).collect()).collect();
 
     let mut fate = picture.fate.clone();
     let mut pixel_chi2 = vec![f32::NAN; fate.len()];
@@ -103,13 +127,15 @@ pub fn finished(
         pixel_chi2[*at] = chi2 as f32;
     }
     let outliers = kept.iter().filter(|k| !**k).count();
-    let status =
-        status(&fit, chart, [sun_zenith, sun_azimuth, turbidity, scale], misfit.then_some(u.reduced_chi2), rival);
+    let described = why.is_none();
+    let status = status(&fit, chart, [sun_zenith, sun_azimuth, turbidity, scale], why, rival, sun.is_some());
     Found {
         sun_zenith,
         sun_azimuth,
         turbidity,
         scale,
+        sun_from: if sun.is_some() { SunFrom::Disk } else { SunFrom::Sky },
+        disk: picture.disk,
         correlation,
         noise: level,
         noise_from: from,
@@ -123,17 +149,64 @@ pub fn finished(
         minima: starts.guesses.len(),
         failed: starts.failed,
         search: starts.trace.clone(),
+        described,
         status,
         fit,
     }
 }
 
-fn status(fit: &Fit, chart: Chart, known: [Known; 4], misfit: Option<f64>, rival: Option<(f64, f64)>) -> Status {
-    if let Some(chi2) = misfit {
-        return Status::Undetermined(format!(
-            "{} (residuals exceed the noise: reduced chi2 {chi2:.3e})",
-            NAMES.join(" ")
-        ));
+/// Whether the residuals are noise: their size where the noise is stated, and patterns along the rows and columns of
+/// the picture.
+fn judged(round: &Round, width: usize, from: NoiseFrom) -> Adequacy {
+    // Readings of one channel, by the row or column of their pixels.
+    let channels = round.places.windows(2).take_while(|p| p[0] == p[1]).count() + 1;
+    let runs = |line: &dyn Fn(usize) -> usize| {
+        let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (k, at) in round.places.iter().enumerate() {
+            runs.entry((line(*at), k % channels)).or_default().push(k);
+        }
+        runs.into_values().collect::<Vec<_>>()
+    };
+    let along = [
+        Along { name: "rows of the picture", runs: runs(&|at| at / width) },
+        Along { name: "columns of the picture", runs: runs(&|at| at % width) },
+    ];
+    adequacy::judge(&adequacy::Readings {
+        residuals: &round.fit.residuals,
+        jacobian: &round.jacobian,
+        noise: if from == NoiseFrom::Stated { Noise::Known } else { Noise::Estimated },
+        floor: 0.0,
+        along: &along,
+    })
+}
+
+/// A sky whose sun and the disk are two different places.
+pub fn disputed(found: Found, disk: &Disk, apart: f64) -> Found {
+    let degrees = f64::to_degrees;
+    let why = format!(
+        "{} (a bright disk at zenith {:.1}, azimuth {:.1} is {:.0} degrees from where the sky's brightness puts the \
+         sun: is it a lamp or a reflection, or is this no clear sky?)",
+        NAMES.join(" "),
+        degrees(disk.zenith()),
+        degrees(disk.azimuth()),
+        degrees(apart),
+    );
+    Found { status: Status::Undetermined(why), ..found }
+}
+
+fn status(
+    fit: &Fit,
+    chart: Chart,
+    known: [Known; 4],
+    misfit: Option<String>,
+    rival: Option<(f64, f64)>,
+    held: bool,
+) -> Status {
+    if let Some(why) = misfit {
+        let sure = |k: usize| held && k < 2 && known[k].error <= ANGLE_KNOWN;
+        let open: Vec<&str> = (0..4).filter(|k| !sure(*k)).map(|k| NAMES[k]).collect();
+        let sun = if held { "; the sun is where its disk is seen" } else { "" };
+        return Status::Undetermined(format!("{} ({why}{sun})", open.join(" ")));
     }
     let mut unknown: Vec<String> = Vec::new();
     if let Some((z, a)) = rival {

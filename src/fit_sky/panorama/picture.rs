@@ -1,5 +1,6 @@
 //! From a panorama's channels to the pixels that a fit may use: above the horizon, not hidden, not clipped.
 
+use super::disk::{self, Disk};
 use super::projection::Projection;
 use crate::{Error, Result};
 use mesophyll_files::image::Maps;
@@ -65,8 +66,12 @@ pub struct Picture {
     /// Relative noise of a reading, from the scatter of neighbours in a row about a straight line; `None` where there
     /// are too few of them.
     pub scatter: Option<f64>,
+    /// The sun's disk, or why none is seen.
+    pub disk: std::result::Result<Disk, &'static str>,
 }
 
+/// Pixels with a negative reading are left out while they are at most this share.
+const NEGATIVE: f64 = 0.05;
 /// Smallest number of pixels that a fit is tried on.
 const LEAST: usize = 12;
 /// Smallest number of triples of neighbours from which the noise is estimated.
@@ -96,7 +101,9 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
     }
     let mut fate = vec![HIDDEN; w * h];
     let mut seen = Vec::new();
-    let (mut above, mut hidden) = (0, 0);
+    let (mut above, mut hidden, mut below) = (0, 0, 0);
+    let mut negative: Option<(usize, usize)> = None;
+    let mut ringing = Vec::new();
     for at in 0..w * h {
         let Some(d) = projection.direction(w, h, at % w, at / w).filter(|d| d[2] > LOWEST) else { continue };
         above += 1;
@@ -105,27 +112,37 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
             hidden += 1;
             continue;
         }
-        for (plane, name) in planes.iter().zip(&channels.radiance) {
-            if plane[at] < 0.0 {
-                let (column, row) = (at % w, at / w);
-                let what = format!(
-                    "found {} at column {column}, row {row}; expected radiance of 0 or more (hide a pixel by NaN or a \
-                     mask)",
-                    plane[at]
-                );
-                return Err(Error::field(path, name, what));
-            }
+        // Compression makes readings beside bright edges negative; such a pixel says nothing.
+        let value: [f64; 3] = std::array::from_fn(|k| planes.get(k).map_or(0.0, |p| f64::from(p[at])));
+        if let Some(k) = value.iter().position(|v| *v < 0.0) {
+            negative.get_or_insert((at, k));
+            below += 1;
+            hidden += 1;
+            // It may be the disk itself.
+            ringing.push(Pixel { d, value: value.map(|v| v.max(0.0)), at });
+            continue;
         }
-        let value = std::array::from_fn(|k| planes.get(k).map_or(0.0, |p| f64::from(p[at])));
         seen.push(Pixel { d, value, at });
     }
     if above == 0 {
         return Err(Error::input(path, "no pixel lies above the horizon"));
     }
+    if let Some((at, k)) = negative.filter(|_| below as f64 > NEGATIVE * above as f64) {
+        let what = format!(
+            "found {} at column {}, row {}, and {below} of {above} pixels above the horizon are negative; expected \
+             radiance of 0 or more (hide a pixel by NaN or a mask)",
+            planes[k][at],
+            at % w,
+            at / w
+        );
+        return Err(Error::field(path, &channels.radiance[k], what));
+    }
     if seen.is_empty() {
         return Err(Error::input(path, "the whole sky is hidden; expected visible pixels above the horizon"));
     }
     let level = channels.saturation.unwrap_or_else(|| shared_peak(&seen));
+    let visible = [&seen[..], &ringing].concat();
+    let disk = disk::find(&visible, level, planes.len(), projection, [w, h]);
     let bright: Vec<usize> = seen.iter().filter(|p| p.value.iter().any(|v| !(*v < level))).map(|p| p.at).collect();
     for at in &bright {
         // The neighbours are left out as well, because light of a clipped pixel spills over.
@@ -168,6 +185,7 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
         clipped,
         fate: all,
         scatter,
+        disk,
     })
 }
 

@@ -84,11 +84,42 @@ impl Projection {
         };
         Some([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()])
     }
+
+    /// Height of a pixel in the middle of the picture (rad).
+    pub fn pixel(self, width: usize, height: usize) -> f64 {
+        match self {
+            Projection::Equirectangular if width == 4 * height => 0.5 * PI / height as f64,
+            Projection::Equirectangular => PI / height as f64,
+            Projection::Fisheye { field } => field / width as f64,
+        }
+    }
+
+    /// Solid angle of a pixel (sr), in the direction of its centre; 0 outside a fisheye's circle.
+    pub fn solid_angle(self, width: usize, height: usize, column: usize, row: usize) -> f64 {
+        let Some(d) = self.direction(width, height, column, row) else { return 0.0 };
+        let sin = d[0].hypot(d[1]);
+        let pixel = self.pixel(width, height);
+        match self {
+            Projection::Equirectangular => sin * pixel * TAU / width as f64,
+            // A ring of the zenith angle θ has the circumference 2π sin θ, and 2πθ in the picture.
+            Projection::Fisheye { .. } => pixel * pixel * sin / d[2].clamp(-1.0, 1.0).acos().max(1e-12),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn solid_angles_sum_to_what_the_picture_shows() {
+        let sum = |p: Projection, w: usize, h: usize| -> f64 {
+            (0..w * h).map(|at| p.solid_angle(w, h, at % w, at / w)).sum()
+        };
+        assert!((sum(Projection::Equirectangular, 200, 100) / (4.0 * PI) - 1.0).abs() < 1e-4);
+        assert!((sum(Projection::Equirectangular, 200, 50) / (2.0 * PI) - 1.0).abs() < 1e-4);
+        assert!((sum(Projection::Fisheye { field: PI }, 401, 401) / (2.0 * PI) - 1.0).abs() < 2e-3);
+    }
 
     #[test]
     fn pixels_look_where_the_conventions_say() {

@@ -69,6 +69,21 @@ impl Options {
     }
 }
 
+/// The sun's disk in words, or why none was seen.
+pub fn disk_in_words(found: &Found) -> String {
+    match &found.disk {
+        Err(why) => format!("not seen: {why}"),
+        Ok(disk) => format!(
+            "zenith {:.3}, azimuth {:.3}, each ± {:.3} degrees across; {} times as bright as the sky{}",
+            disk.zenith().to_degrees(),
+            disk.azimuth().to_degrees(),
+            disk.error.to_degrees(),
+            disk.contrast.round(),
+            if disk.clipped { " or brighter, clipped" } else { "" }
+        ),
+    }
+}
+
 fn write(maker: &mut Maker, picture: &Picture, found: &Found, told: BTreeMap<String, String>) -> Result<()> {
     let map = maker.begin()?.join("all.exr");
     write_exr(&map, &maps(picture, found), Packing::Zip)?;
@@ -77,6 +92,8 @@ fn write(maker: &mut Maker, picture: &Picture, found: &Found, told: BTreeMap<Str
     record.options = told;
     record.options.insert("noise".into(), format!("{:.3e} of a reading, {}", found.noise, found.noise_from.name()));
     record.options.insert("status".into(), found.status.to_string());
+    record.options.insert("sun from".into(), found.sun_from.name().into());
+    record.options.insert("disk".into(), disk_in_words(found));
     let [low, high] = preetham::TRUSTED;
     if !(low..=high).contains(&found.turbidity.value) {
         record
@@ -105,8 +122,7 @@ fn section(picture: &Picture, found: &Found) -> Section {
         (found.scale, 1.0, "m2/kcd"),
     ];
     for (name, (k, unit, word)) in NAMES.iter().zip(values) {
-        let undetermined =
-            if why.split([' ', '(']).any(|w| w == *name) { vec![format!("{name}: {why}")] } else { Vec::new() };
+        let undetermined = if found.status.leaves_open(name) { vec![format!("{name}: {why}")] } else { Vec::new() };
         all.params.insert(
             (*name).into(),
             Param {

@@ -52,13 +52,6 @@ fn thinned(pixels: &[Pixel], count: usize) -> Vec<Pixel> {
 
 /// Candidates with rising score, each far enough from the better ones.
 fn coarse(picture: &Picture) -> Vec<Guess> {
-    let pixels = thinned(&picture.pixels, FEW);
-    let bright: Vec<f64> = pixels
-        .iter()
-        .map(|p| if picture.channels == 3 { colour::xyz_from_rgb(p.value)[1] } else { p.value[0] })
-        .map(|v| if v > 0.0 { v.ln() } else { f64::NAN })
-        .collect();
-    let turbids = TURBIDITIES.map(Turbid::new);
     // The brightest place is an additional candidate.
     let peak = picture.pixels.iter().max_by(|a, b| a.value[0].total_cmp(&b.value[0]));
     let mut suns: Vec<(f64, f64)> = ZENITHS
@@ -69,9 +62,27 @@ fn coarse(picture: &Picture) -> Vec<Guess> {
         })
         .collect();
     suns.extend(peak.map(|p| (p.d[2].acos(), p.d[1].atan2(p.d[0]))));
+    scored(picture, &suns)
+}
+
+/// The start for a sun whose zenith angle and azimuth are known; nothing where no sky of the model comes near.
+pub fn held(picture: &Picture, zenith: f64, azimuth: f64) -> Starts {
+    let guesses = scored(picture, &[(zenith, azimuth)]);
+    Starts { guesses, failed: 0, trace: Trace::new(), evaluations: 0 }
+}
+
+/// The best turbidity and scale of each sun (zenith angle, azimuth).
+fn scored(picture: &Picture, suns: &[(f64, f64)]) -> Vec<Guess> {
+    let pixels = thinned(&picture.pixels, FEW);
+    let bright: Vec<f64> = pixels
+        .iter()
+        .map(|p| if picture.channels == 3 { colour::xyz_from_rgb(p.value)[1] } else { p.value[0] })
+        .map(|v| if v > 0.0 { v.ln() } else { f64::NAN })
+        .collect();
+    let turbids = TURBIDITIES.map(Turbid::new);
     let mut all: Vec<Guess> = Vec::new();
     let (mut ratios, mut spread) = (Vec::new(), Vec::new());
-    for (zenith, azimuth) in suns {
+    for &(zenith, azimuth) in suns {
         let sun = turned(sun_direction(zenith), azimuth);
         let gammas: Vec<f64> = pixels.iter().map(|p| angle(p.d, sun)).collect();
         let mut best: Option<Guess> = None;

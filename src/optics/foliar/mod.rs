@@ -15,6 +15,8 @@
 pub mod exact;
 pub mod fsm;
 pub mod goniometer;
+#[cfg(test)]
+mod grazing_tests;
 pub mod lobe;
 pub mod pigments;
 pub mod ray;

@@ -1,15 +1,15 @@
 //! The slab of another index than its surroundings, whose faces reflect as Fresnel's equations say.
 //!
 //! A collimated beam meets the upper face from air. Inside, light that meets a face more obliquely than the critical
-//! angle is reflected totally; of the rest, the face reflects r(μ) for unpolarised light and lets the remainder out. The
-//! mirror reflection of the upper face, and of the lower one where the beam still reaches it, is part of the
+//! angle is reflected totally; of the rest, the face reflects r(μ) for unpolarised light and lets the remainder out.
+//! The mirror reflection of the upper face, and of the lower one where the beam still reaches it, is part of the
 //! reflectance, as an integrating sphere measures it. Scattering inside is isotropic.
 //!
-//! By reciprocity, what a beam sends into a hemisphere is the radiance that leaves against the beam under isotropic unit
-//! radiance from that side. So the beam needs no source of its own: the source function S(τ) is a sum of modes
-//! e^(±kτ) ([`super::ordinates`]) whose amplitudes follow from the two faces, I(0, μ) = (1−r) L + r I(0, −μ). The beam's
-//! own path back and forth is added in closed form. The ordinates are split at the critical angle, and above it they are
-//! spread over the cosine in air, in which r(μ) is smooth.
+//! By reciprocity, what a beam sends into a hemisphere is the radiance that leaves against the beam under isotropic
+//! unit radiance from that side. So the beam needs no source of its own: the source function S(τ) is a sum of modes
+//! e^(±kτ) ([`super::ordinates`]) whose amplitudes follow from the two faces, I(0, μ) = (1−r) L + r I(0, −μ). The
+//! beam's own path back and forth is added in closed form. The ordinates are split at the critical angle, and above it
+//! they are spread over the cosine in air, in which r(μ) is smooth.
 //!
 //! R and T follow from light on both faces (R + T) and from light of opposite sign (R − T); a slab that hardly anything
 //! crosses is solved from its two faces instead, so that T keeps its digits. What is absorbed is computed on its own
@@ -74,8 +74,8 @@ impl Faces {
         // the square of the critical angle's cosine
         let critical2 = (index - 1.0) * (index + 1.0) / n2;
         let critical = critical2.sqrt();
-        // μ, μ² − critical², weight and reflectance. Next to the critical angle neighbours differ by less than the digits
-        // of μ show.
+        // μ, μ² − critical², weight and reflectance. Next to the critical angle neighbours differ by less than the
+        // digits of μ show.
         let mut nodes: Vec<[f64; 4]> = Vec::with_capacity(N);
         for q in gauss(FREE) {
             // cosine in air, 1 − (1 − s³)²
@@ -112,8 +112,8 @@ impl Faces {
         Faces { mirror: fresnel(mu0, index), slant: 1.0 / inside, rule, reflected }
     }
 
-    /// The shares at single-scattering albedo `omega` and optical thickness `delta` ≥ 0; `absorbed` = 1 − omega is passed
-    /// separately, so that it keeps its digits.
+    /// The shares at single-scattering albedo `omega` and optical thickness `delta` ≥ 0; `absorbed` = 1 − omega is
+    /// passed separately, so that it keeps its digits.
     pub fn shares(&self, omega: f64, absorbed: f64, delta: f64) -> Shares {
         let (r, c) = (self.mirror, self.slant);
         let through = (-c * delta).exp();

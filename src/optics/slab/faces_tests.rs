@@ -29,7 +29,8 @@ fn adding_doubling_agrees() {
     }
 }
 
-/// The half space of index 1.5 and albedo 0.9 reflects 0.2600 (Giovanelli 1955, as quoted for MCML by Wang et al. 1995).
+/// The half space of index 1.5 and albedo 0.9 reflects 0.2600 (Giovanelli 1955, as quoted for MCML by Wang et al.
+/// 1995).
 #[test]
 fn giovanellis_half_space() {
     near(Faces::new(1.5, 1.0).shares(0.9, 0.1, 2000.0).response().rho_d, 0.2600, 1e-4, "R");
@@ -130,8 +131,8 @@ fn an_index_that_tends_to_1_tends_to_the_slab_without_faces() {
     }
 }
 
-/// A very thin slab keeps what it scatters beyond the critical angle: with q = √(1−1/n²) of the scattered light trapped,
-/// and scattered again with ω, it leaves in the ratio ω(1−q)/(1−ωq).
+/// A very thin slab keeps what it scatters beyond the critical angle: with q = √(1−1/n²) of the scattered light
+/// trapped, and scattered again with ω, it leaves in the ratio ω(1−q)/(1−ωq).
 #[test]
 fn a_thin_slab_traps_light() {
     for (index, omega) in [(1.41_f64, 0.9), (2.0, 0.5)] {

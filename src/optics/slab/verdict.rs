@@ -63,8 +63,8 @@ impl Evaluator {
     }
 
     /// ρd and ρt of a slab of single-scattering albedo `omega` (0 to 1) and optical thickness `delta` ≥ 0, and the
-    /// status. `one_minus_omega` is NaN where only ω is known; near ω = 1 it carries the digits. ρd and ρt are NaN where
-    /// the status is [`Status::Refused`].
+    /// status. `one_minus_omega` is NaN where only ω is known; near ω = 1 it carries the digits. ρd and ρt are NaN
+    /// where the status is [`Status::Refused`].
     pub fn evaluate(&self, omega: f64, delta: f64, one_minus_omega: f64) -> (Response, Status) {
         let (omega, absorbed) = match albedo(omega, delta, one_minus_omega) {
             Ok(both) => both,

@@ -283,3 +283,24 @@ fn frames_cut_by_the_horizon() {
     }
     assert!(cut > 500, "only {cut} frames were cut");
 }
+
+/// What one pass has filled is filled again for another pass, also at the same texel and with as many frames.
+#[test]
+fn passes_that_share_their_scratch_do_not_share_their_light() {
+    let positions: Vec<f64> = (0..20).map(|k| -300.0 + 30.0 * f64::from(k)).collect();
+    let model = Model::new(TUBE, camera(), Lobe::Beckmann, &Precision::default());
+    let (n, texel) = (normal(0.1, 0.2), [5.0, 9.0]);
+    let mut shared = Lit::default();
+    for travel in [Travel::X, Travel::Y] {
+        let pass = Pass::new(&model, travel, &positions, 8, InstructionSet::detect());
+        let [common, own] = [&mut shared, &mut Lit::default()].map(|lit| {
+            pass.light(texel, lit);
+            let mut columns = vec![vec![0.0; pass.padded()]; COLUMNS];
+            let mut slices: [&mut [f64]; COLUMNS] =
+                columns.iter_mut().map(|c| &mut c[..]).collect::<Vec<_>>().try_into().unwrap();
+            pass.respond(lit, n, &[], 0.3, &mut slices);
+            columns
+        });
+        assert_eq!(common, own, "{travel:?}");
+    }
+}

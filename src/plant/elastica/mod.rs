@@ -16,8 +16,8 @@
 //! ≤ π, and a level branch never bends beyond the vertical; so there is one curve for each load that is reached from
 //! rest, and Newton's method finds it. θ is a polynomial of degree 10 in each of a few elements of the taper's own
 //! coordinate y ([`crate::taper`]), in which it is smooth up to the tip of any taper. Places and angles are within
-//! 1e-9 of the length, and of a radian, for tapers from .03 to [`crate::beam::TAPER_MAX`] and tips that move by up to .8
-//! of the length; within 1e-6 for tapers from 1e-3.
+//! 1e-9 of the length, and of a radian, for tapers from .03 to [`crate::beam::TAPER_MAX`] and tips that move by up to
+//! .8 of the length; within 1e-6 for tapers from 1e-3.
 //!
 //! Limits: no shear (the branch at least 15 times as long as thick), no stretching, wood that stays elastic, and a
 //! root that holds.

@@ -1,5 +1,5 @@
-//! Goniometer tables of known leaves, among them some that the fitted lobe does not describe, each with the verdict that
-//! it must get.
+//! Goniometer tables of known leaves, among them some that the fitted lobe does not describe, each with the verdict
+//! that it must get.
 
 use crate::stress::StressRow;
 use mesophyll_fit::gloss::normal_of;

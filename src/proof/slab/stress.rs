@@ -78,8 +78,8 @@ pub fn stress_cases() -> Vec<StressRow> {
     rows
 }
 
-/// Measurements that the model does not describe. Two numbers determine two coefficients exactly, so only what no slab of
-/// the index can have shows.
+/// Measurements that the model does not describe. Two numbers determine two coefficients exactly, so only what no slab
+/// of the index can have shows.
 fn wrong_models(model: &Model) -> Vec<StressRow> {
     let leaf = slab::reduced(0.3, 0.7, 4.0).0;
     let fit = |r: f64, t: f64| inverse::invert_in(model, Precision::Fast, r, t, 1.0, 1e-3, 1e-3);

@@ -8,8 +8,8 @@
 //!   neighbours agree, or slow waves explain too much of the scatter. Noise has no pattern.
 //!
 //! Both are compared with what noise alone gives after as many parameters were fitted, so a right model with few
-//! readings is not accused ([`pattern`]). A pattern is compared with the residuals' own scatter, so a noise that is only
-//! understated is not taken for one. The tests of one fit together accuse a right model in one case of a thousand.
+//! readings is not accused ([`pattern`]). A pattern is compared with the residuals' own scatter, so a noise that is
+//! only understated is not taken for one. The tests of one fit together accuse a right model in one case of a thousand.
 //!
 //! Where a test fails, the standard errors are widened by the residuals' own covariance ([`correlated`]), and the fit
 //! says that the model does not describe the readings. A χ² that is too small under a stated noise is no fault of the

@@ -241,8 +241,8 @@ pub fn nothing(table: &Table, wide: &Wide, takes: &str) -> Error {
         )
     } else if !wide.replicates.is_empty() {
         format!(
-            "its columns {} are numbered like replicates and not by wavelengths; average them into R and T and state the \
-             standard errors of the means as R_err and T_err, or give each replicate rows of its own",
+            "its columns {} are numbered like replicates and not by wavelengths; average them into R and T and state \
+             the standard errors of the means as R_err and T_err, or give each replicate rows of its own",
             some(&wide.replicates)
         )
     } else {

@@ -143,11 +143,14 @@ fn text(f: &Found, path: &Path) -> String {
         line("instrument", instrument);
     }
     let unit = f.unit.as_ref().map_or_else(String::new, |unit| match unit.as_str() {
-        "share" => " (reflectance and transmittance as shares, 0 to 1)".into(),
-        unit => format!(" (reflectance and transmittance in {unit})"),
+        "share" => " (as shares, 0 to 1)".into(),
+        unit => format!(" (in {unit})"),
     });
     if !f.holds.is_empty() {
-        line("holds", &format!("{}{unit}", f.holds.join(", ")));
+        // The unit is that of reflectance and transmittance.
+        let is_share = |what: &str| ["reflectance", "transmittance"].contains(&what);
+        let each = f.holds.iter().map(|what| format!("{what}{}", if is_share(what) { unit.as_str() } else { "" }));
+        line("holds", &each.collect::<Vec<_>>().join(", "));
     }
     if let Some([low, high]) = f.wavelength_nm {
         let count = f.wavelengths.map_or_else(String::new, |n| format!(", {n} of them"));

@@ -58,6 +58,9 @@ impl Columns {
             values.to_vec()
         };
         if values.is_empty() {
+            if let Some(stated) = table.stated() {
+                return Err(Error::input(table.name(), stated.lacks("brf")));
+            }
             return Err(Error::input(
                 table.name(),
                 "no value columns: name them with --values, or begin their names with brf",

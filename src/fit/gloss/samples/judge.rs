@@ -144,7 +144,8 @@ fn stray(samples: &[Sample], fit: &Residuals, floor: f64) -> Option<String> {
         let sample = &samples[worst.1.sample];
         let angle = |d: [f64; 3]| d[2].clamp(-1.0, 1.0).acos().to_degrees();
         format!(
-            "the reading {:.4} at source zenith {:.0} and view zenith {:.0} lies {:.0} standard deviations from the rest",
+            "the reading {:.4} at source zenith {:.0} and view zenith {:.0} lies {:.0} standard deviations from the \
+             rest",
             sample.values[worst.1.column],
             angle(sample.light),
             angle(sample.view),

@@ -5,9 +5,9 @@
 //! m, tilt and tilt_y are searched globally: first a grid over all three, then argmin's Nelder–Mead from the best
 //! distinct grid points, then Levenberg–Marquardt from the winner, which gives the last digits and the errors.
 //!
-//! The errors are computed from the scatter of the residuals. They hold only where the lobe describes the leaf, so every
-//! fit is judged ([`judge`]) and compared with the other lobes; where it fails, nothing is promised. Where the scatter
-//! plainly grows with the reading, readings are weighted by it ([`scatter`]).
+//! The errors are computed from the scatter of the residuals. They hold only where the lobe describes the leaf, so
+//! every fit is judged ([`judge`]) and compared with the other lobes; where it fails, nothing is promised. Where the
+//! scatter plainly grows with the reading, readings are weighted by it ([`scatter`]).
 
 mod batch;
 mod columns;

@@ -223,7 +223,8 @@ fn turn(here: &[(f64, Vec<f64>)], sample: usize, common: &mut Part, contrasts: &
     add(common, 0, sum.0 / root, sum.1.iter().map(|s| s / root).collect());
 }
 
-/// Normal score of a ratio of variances with these degrees of freedom (E. Paulson, Ann. Math. Stat. 13 (1942), 233–235).
+/// Normal score of a ratio of variances with these degrees of freedom (E. Paulson, Ann. Math. Stat. 13 (1942),
+/// 233–235).
 fn f_score(ratio: f64, over: f64, under: f64) -> f64 {
     let (u, v) = (2.0 / (9.0 * over), 2.0 / (9.0 * under));
     ((1.0 - v) * ratio.cbrt() - (1.0 - u)) / (u + v * ratio.cbrt().powi(2)).sqrt()

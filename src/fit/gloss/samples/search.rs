@@ -163,8 +163,8 @@ impl Problem<'_> {
             }
             sums.push([whole, y, c, top, bottom]);
         }
-        // A ρd below zero is held at zero, and its band is then no longer centred. Which bands are held follows from ρs;
-        // the sum of squares is convex in ρs, so this ends after a few turns.
+        // A ρd below zero is held at zero, and its band is then no longer centred. Which bands are held follows from
+        // ρs; the sum of squares is convex in ρs, so this ends after a few turns.
         let mut held = vec![false; self.bands];
         let mut rho_s = 0.0;
         for _ in 0..2 * self.bands + 2 {

@@ -113,7 +113,8 @@ pub(super) fn status(
         let own = LobeKind::from(f.lobe);
         let gain = f.evidence[*kind as usize] - f.evidence[own as usize];
         reasons.push(format!(
-            "the lobe does not describe this leaf: the readings are e^{gain:.0} times as likely with --lobe {kind} as with {own}"
+            "the lobe does not describe this leaf: the readings are e^{gain:.0} times as likely with --lobe {kind} as \
+             with {own}"
         ));
     }
     if let Some(why) = &f.rival {

@@ -1,5 +1,5 @@
-//! Whether the lobe describes a trace of a table. Scans do not ask this of single texels: they compare whole passes with
-//! frames that were held out.
+//! Whether the lobe describes a trace of a table. Scans do not ask this of single texels: they compare whole passes
+//! with frames that were held out.
 
 use super::{Job, TexelFitter, Workspace};
 use crate::gloss::TexelFit;

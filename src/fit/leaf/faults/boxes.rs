@@ -1,14 +1,12 @@
 //! Faults of the light box's photographs, and frames that hold too few values.
 
-use super::through::{THROUGH, View, energy, fault, turned};
+use super::through::{THROUGH, View, against_frames, energy, fault, turned};
 use crate::Result;
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
 use crate::leaf::outliers::median;
-use mesophyll_capture::lightbox::mask_from_transmission;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::read_exr_rows;
-use mesophyll_optics::side::mirror;
 use mesophyll_record::fault::{Fault, Grade};
 use std::collections::HashSet;
 
@@ -20,8 +18,6 @@ const BESIDE: usize = 40;
 const SATURATED: f64 = 0.05;
 /// … and so many times as many as at the next smaller value.
 const PILED: usize = 4;
-/// An outline fits better when it is mirrored by this share of its area: not by chance, where a leaf is lopsided.
-const OUTLINE: f64 = 0.05;
 /// Frames of 8 bits hold at most this many different values.
 const LEVELS: usize = 280;
 
@@ -32,34 +28,35 @@ const LEVELS: usize = 280;
 pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fault>> {
     let mut out = Vec::new();
     let m = &capture.manifest;
+    let names: Vec<&str> = sides.iter().map(|s| s.side.name()).collect();
     let empty = capture.folder.join("lightbox_empty.exr");
     for fitted in sides {
         let side = fitted.side.name();
         let name = format!("{side}/lightbox.exr");
         out.extend(coarse(capture, fitted)?);
         let leaf = capture.folder.join(side).join("lightbox.exr");
-        let tops = [(&leaf, name.as_str()), (&empty, "lightbox_empty.exr")];
+        let tops = [(&leaf, name.as_str(), vec![side]), (&empty, "lightbox_empty.exr", names.clone())];
         let mut saturated = false;
-        for (path, called) in tops {
+        for (path, called, whom) in tops {
             let maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
             let share = maps.channels.iter().map(|(_, v)| at_the_top(v)).fold(0.0, f64::max);
+            saturated |= share > SATURATED;
             if share > SATURATED && !out.iter().any(|f: &Fault| f.says.starts_with(called)) {
-                saturated = true;
                 out.push(fault(
                     "box-saturated",
                     Grade::Wrong,
-                    &[side],
+                    &whom,
                     &THROUGH,
                     format!(
-                        "{called}: {:.0} % of the texels have exactly the largest value: the photograph is saturated, and \
-                         ρt is too large where the box is cut off",
+                        "{called}: {:.0} % of the texels have exactly the largest value: the photograph is saturated, \
+                         and ρt is too large where the box is cut off",
                         100.0 * share
                     ),
                 ));
             }
         }
         if !saturated {
-            out.extend(outline(capture, fitted)?.or_else(|| beside(fitted, m.width, level)));
+            out.extend(against_frames(fitted, m.width).or_else(|| beside(fitted, m.width, level)));
         }
         out.extend(energy(side, &fitted.mask));
     }
@@ -115,41 +112,10 @@ fn beside(fitted: &Fitted, width: usize, level: &Level) -> Option<Fault> {
         &[side],
         &THROUGH,
         format!(
-            "{side}/lightbox.exr: beside the leaf the box is {ratio:.3} times as bright as in lightbox_empty.exr (its light \
-             or the exposure changed between the two); every ρt is off by as much"
+            "{side}/lightbox.exr: beside the leaf the box is {ratio:.3} times as bright as in lightbox_empty.exr (its \
+             light or the exposure changed between the two); every ρt is off by as much"
         ),
     ))
-}
-
-/// The leaf's outline on the light box, compared with the mask.
-fn outline(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
-    if capture.mask()?.is_none() {
-        return Ok(None);
-    }
-    let (mask, width) = (&fitted.measured.mask, capture.manifest.width);
-    let seen = mask_from_transmission(&fitted.measured.rho_t, width, mask.len() / width);
-    let turned = mirror(&seen, width);
-    // Texels in both over texels in either.
-    let overlap = |seen: &[bool]| {
-        let count = |of: &dyn Fn(bool, bool) -> bool| seen.iter().zip(mask).filter(|(a, b)| of(**a, **b)).count();
-        count(&|a, b| a && b) as f64 / count(&|a, b| a || b).max(1) as f64
-    };
-    let (right, wrong) = (overlap(&seen), overlap(&turned));
-    let side = fitted.side.name();
-    Ok((wrong > right + OUTLINE).then(|| {
-        fault(
-            "box-mirrored",
-            Grade::Wrong,
-            &[side],
-            &THROUGH,
-            format!(
-                "{side}/lightbox.exr: the leaf's outline is the mirror image of mask.exr's ({:.0} % of it covered; mirrored \
-                 {:.0} %): it is the photograph of the other side, or was mirrored",
-                100.0 * right,
-                100.0 * wrong
-            ),
-        )
-    }))
 }
 
 /// Frames that hold few different values.
@@ -181,8 +147,8 @@ fn coarse(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
                 &[side],
                 &[],
                 format!(
-                    "{side}/{}: the frames hold only {} different values among {readings} readings: they were stored with 8 \
-                     bits or fewer, and their rounding is no noise",
+                    "{side}/{}: the frames hold only {} different values among {readings} readings: they were stored \
+                     with 8 bits or fewer, and their rounding is no noise",
                     pass.name.name(),
                     seen.len()
                 ),

@@ -51,10 +51,8 @@ pub enum Cause {
     Zero(Travel, f64),
     /// A constant of this size (calibrated) is in every reading.
     Offset(f64),
-    /// A constant of this size (camera's values) is in frames and white frames.
-    Dark(f64),
-    /// Frames, or frames and white frames, are coded.
-    Coded(Coding, bool),
+    /// The frames are coded.
+    Coded(Coding),
     /// The frames of these passes run the other way.
     Reversed(bool, bool),
     /// The frames of each pass are those of the other.

@@ -158,8 +158,8 @@ fn scatter(values: &[f64], but: &[usize]) -> f64 {
     1.4826 * median(away.filter(|v| v.is_finite()).collect())
 }
 
-/// Frames that hold the same picture as an earlier one. The camera's values are compared, because every frame has a gain
-/// of its own.
+/// Frames that hold the same picture as an earlier one. The camera's values are compared, because every frame has a
+/// gain of its own.
 fn copies(pass: &Readings, texels: usize) -> Vec<(usize, usize)> {
     let same = |j: usize, k: usize| {
         (0..texels).all(|n| {

@@ -59,8 +59,9 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
     let m = &capture.manifest;
     let names: Vec<&str> = sides.iter().map(|s| s.side.name()).collect();
     let whites = white::look(capture, level);
-    let mut single = Vec::new();
-    let mut causes = Vec::new();
+    let boxes = boxes::look(capture, level, sides)?;
+    let coarse = boxes.iter().any(|f| f.name == "few-values");
+    let (mut single, mut causes, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     for fitted in sides {
         let Some(sample) = Sample::read(capture, scan, fitted, level)? else {
             out.bias.push(Bias::default());
@@ -70,27 +71,39 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
         };
         let found = frames::look(&sample);
         let noise = noise(&sample);
+        out.noise.push(noise);
         let dark = |t: &[u32; 2]| {
             let level = capture.dark().map_or([0.0; 3], |d| d[t[1] as usize * m.width + t[0] as usize].map(f64::from));
             level.map(|d| if d.is_finite() { d } else { 0.0 })
         };
         let wrong = |travel: Travel, frame: usize| found.iter().any(|f| f.travel == travel && f.frame == frame);
-        let trials = Trials::new(scan, &sample, sample.texels.iter().map(dark).collect(), wrong);
-        let outcome = trials.search(noise.unwrap_or(1.0).max(1.0).powi(2));
-        let moved = if outcome.unexplained { moved::look(&sample, m.texel_mm) } else { None };
-        out.scale.push(if outcome.unexplained { outcome.before.sqrt() } else { 1.0 });
-        if outcome.unexplained && moved.is_none() {
-            out.faults.push(sentences::unexplained(fitted.side, &outcome));
-        }
-        out.faults.extend(moved);
-        out.bias.push(outcome.bias);
-        out.noise.push(noise);
+        let dark = sample.texels.iter().map(dark).collect();
+        let trials = Trials::new(scan, &sample, dark, noise.unwrap_or(1.0).max(1.0).powi(2), wrong);
         single.extend(found);
+        if coarse || !whites.causes.is_empty() {
+            // The traces are off for a reason that is known.
+            out.bias.push(Bias::default());
+            out.scale.push(trials.before().sqrt().max(1.0));
+            continue;
+        }
+        let outcome = trials.search();
+        out.scale.push(if outcome.unexplained { outcome.before.sqrt() } else { 1.0 });
+        out.bias.push(outcome.bias);
+        if outcome.unexplained {
+            let moved = moved::look(&sample, m.texel_mm);
+            rest.push(moved.unwrap_or_else(|| sentences::unexplained(fitted.side, &outcome)));
+        }
         causes.push((fitted.side, outcome));
     }
-    out.faults.extend(frames::faults(&single, !whites.absent));
     out.faults.extend(sentences::faults(&causes, scan, m, &whites));
-    out.faults.extend(boxes::look(capture, level, sides)?);
+    if coarse || out.faults.iter().any(|f| f.grade == Grade::Wrong) {
+        // Frames stand out for the same reason; those without readings, or with those of another, for their own.
+        use frames::Wrong::{Copy, Repeated, Unread};
+        single.retain(|f| matches!(f.wrong, Unread(_) | Copy(_) | Repeated(_)));
+    }
+    out.faults.extend(rest);
+    out.faults.extend(boxes);
+    out.faults.extend(frames::faults(&single, !whites.absent));
     out.faults.extend(thickness("thickness_mm", m.thickness_mm, &names));
     out.faults.extend(mirror(capture, sides));
     out.faults.extend(stated_noise(level, &out.noise, sides));
@@ -122,8 +135,8 @@ pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<Fault> {
 fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Option<Fault> {
     let beside: Vec<f64> = beside.iter().flatten().copied().collect();
     let rough = level.seen.filter(|_| !beside.is_empty())?;
-    // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that were
-    // resampled have neighbours that share noise, so noise that seems smaller is believed of both together only.
+    // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that
+    // were resampled have neighbours that share noise, so noise that seems smaller is believed of both together only.
     let least = beside.iter().copied().fold(rough, f64::min);
     let most = beside.iter().copied().fold(rough, f64::max);
     let (name, off) = if least > 1.0 + NOISE {
@@ -140,8 +153,8 @@ fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Opti
         sides: sides.iter().map(|s| s.side.name().into()).collect(),
         spoils: Vec::new(),
         says: format!(
-            "capture.toml: the readings scatter {off:.2} times as much as noise_relative and noise_floor say, from frame to \
-             frame and from texel to texel, whatever their model; {effect}"
+            "capture.toml: the readings scatter {off:.2} times as much as noise_relative and noise_floor say, from \
+             frame to frame and from texel to texel, whatever their model; {effect}"
         ),
     })
 }

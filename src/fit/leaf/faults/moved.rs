@@ -10,7 +10,7 @@ const TEXELS: f64 = 0.25;
 /// A step is one where it is this many of its standard errors.
 const ERRORS: f64 = 8.0;
 /// … and takes away this share of the shifts' squares.
-const EXPLAINS: f64 = 0.6;
+const EXPLAINS: f64 = 0.3;
 
 /// Shift of a frame (texels to the right and upwards) and the information about it.
 #[derive(Debug, Clone, Copy, Default)]
@@ -118,8 +118,8 @@ pub fn look(sample: &Sample, texel_mm: f64) -> Option<Fault> {
         sides: vec![side.into()],
         spoils: ["rho_d", "rho_s", "m", "normal", "sigma_a", "sigma_s", "gamma"].map(String::from).to_vec(),
         says: format!(
-            "{side}: the leaf's picture moves by about {:+.1} columns and {:+.1} rows upwards ({:.2} mm) {when}: the leaf \
-             or the camera was moved",
+            "{side}: the leaf's picture moves by about {:+.1} columns and {:+.1} rows upwards ({:.2} mm) {when}: the \
+             leaf or the camera was moved",
             step[0],
             step[1],
             step[0].hypot(step[1]) * texel_mm

@@ -60,7 +60,7 @@ pub fn descend(scratch: &mut Scratch, start: Texel, at: [f64; 2], passes: &[Pass
         (next[7], next[8]) = (next[7].clamp(-1.05, 1.05), next[8].clamp(-1.05, 1.05));
         let there = sums(scratch, &next, &texel(&next), at, passes, data, tilts);
         if there.0 < *chi2 {
-            let small = chi2 - there.0 < 0.05;
+            let small = chi2 - there.0 < (1e-3 * chi2).max(0.05);
             (p, here) = (next, there);
             damping = (damping * 0.2).max(1e-7);
             if small {

@@ -5,23 +5,20 @@ use super::trials::Outcome;
 use super::white::{Amiss, Whites};
 use mesophyll_capture::manifest::Manifest;
 use mesophyll_optics::side::Side;
-use mesophyll_optics::tube::Travel;
 use mesophyll_record::fault::{Fault, Grade};
 use mesophyll_record::scan::Scan;
 
 /// All that the traces under the tube are fitted for, and what follows from it.
 const ALL: [&str; 7] = ["rho_d", "rho_s", "m", "normal", "sigma_a", "sigma_s", "gamma"];
 
-/// Faults of the whole scan. Sides that show the same are named in one sentence; what the white frames show already is
-/// not said of the leaf again.
+/// Faults of the whole scan. Sides that show the same are named in one sentence.
 pub fn faults(causes: &[(Side, Outcome)], scan: &Scan, m: &Manifest, whites: &Whites) -> Vec<Fault> {
     let mut out: Vec<Fault> = of_whites(whites, m, scan).into_iter().collect();
-    let white = out.first().map(|f| f.name.clone());
     let mut said: Vec<&str> = Vec::new();
     for (side, outcome) in causes {
         let Some(first) = outcome.causes.first() else { continue };
         let name = name(*first);
-        if said.contains(&name) || white.as_deref() == Some(name) {
+        if said.contains(&name) {
             continue;
         }
         said.push(name);
@@ -56,7 +53,10 @@ pub fn unexplained(side: Side, outcome: &Outcome) -> Fault {
         sides: vec![side.into()],
         spoils: Vec::new(),
         says: format!(
-            "{side}: the traces' reduced χ² is {:.2} where their noise makes it {:.2}, and nothing that was tried explains it              (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark level, stray light,              coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as much",
+            "{side}: the traces' reduced χ² is {:.2} where their noise makes it {:.2}, and nothing that was tried \
+             explains it (angle of the camera, height, length, radius and zero of the tube, size of a texel, dark \
+             level, stray light, coding, order of the frames, drift, the lobes of `--lobe`); errors are widened by as \
+             much",
             outcome.before, outcome.noise
         ),
     }
@@ -73,7 +73,6 @@ fn name(cause: Cause) -> &'static str {
         Cause::Texel(_) => "texel-size",
         Cause::Zero(..) => "tube-zero",
         Cause::Offset(_) => "stray-light",
-        Cause::Dark(_) => "dark-level",
         Cause::Coded(..) => "coded-frames",
         Cause::Reversed(..) => "pass-reversed",
         Cause::Exchanged => "passes-exchanged",
@@ -102,22 +101,11 @@ fn sentence(cause: Cause, scan: &Scan) -> String {
             travel.name()
         ),
         Cause::Offset(a) if a > 0.0 => format!(
-            "a constant light of {a:.4} lies in every reading (no dark.exr, light in the room, or light that the leaf's \
-             surroundings send back)"
+            "a constant light of {a:.4} lies in every reading (no dark.exr, light in the room, or light that the \
+             leaf's surroundings send back)"
         ),
         Cause::Offset(a) => format!("{:.4} is missing in every reading (was the dark frame taken off twice?)", -a),
-        Cause::Dark(b) if b > 0.0 => format!(
-            "a constant of {b:.4} lies in frames and white frames alike (dark.exr is missing, or was taken with another \
-             exposure)"
-        ),
-        Cause::Dark(b) => {
-            format!("{:.4} is missing in frames and white frames (was the dark frame taken off twice?)", -b)
-        }
-        Cause::Coded(coding, both) => format!(
-            "the frames{} are coded with {} and not linear in light",
-            if both { " and the white frames" } else { "" },
-            coding.name()
-        ),
+        Cause::Coded(coding) => format!("the frames are coded with {} and not linear in light", coding.name()),
         Cause::Reversed(x, y) => match (x, y) {
             (true, true) => "the frames of both passes run the other way (start_mm and end_mm exchanged)".into(),
             (true, false) => "the frames of pass x run the other way (start_mm and end_mm exchanged)".into(),
@@ -135,7 +123,7 @@ fn sentence(cause: Cause, scan: &Scan) -> String {
             100.0 * a.abs(),
             match travel {
                 None => " of either pass".to_string(),
-                Some(t @ (Travel::X | Travel::Y)) => format!(" of pass {}", t.name()),
+                Some(t) => format!(" of pass {}", t.name()),
             }
         ),
     }
@@ -150,7 +138,7 @@ fn of_whites(whites: &Whites, m: &Manifest, scan: &Scan) -> Option<Fault> {
         Amiss::Texel(_) => "texel-size",
         Amiss::Dark(_) => "dark-level",
         Amiss::Coded(_) => "coded-frames",
-        Amiss::Reversed => "pass-reversed",
+        Amiss::Reversed(..) => "pass-reversed",
         Amiss::Exchanged => "passes-exchanged",
     };
     let say = |amiss: &Amiss| match amiss {
@@ -159,12 +147,15 @@ fn of_whites(whites: &Whites, m: &Manifest, scan: &Scan) -> Option<Fault> {
         Amiss::Length(mm) => format!("they fit tube.length_mm = {mm:.0} and not {}", scan.tube_length_mm),
         Amiss::Texel(mm) => format!("they fit texel_mm = {mm:.3} and not {}", scan.texel_mm),
         Amiss::Dark(b) if *b > 0.0 => format!(
-            "a constant of {b:.4} lies in them (dark.exr is missing, or was taken with another exposure, or the room was \
-             not dark)"
+            "a constant of {b:.4} lies in them (dark.exr is missing, or was taken with another exposure, or the room \
+             was not dark)"
         ),
         Amiss::Dark(b) => format!("{:.4} is missing in them (was the dark frame taken off twice?)", -b),
         Amiss::Coded(coding) => format!("they are coded with {} and not linear in light", Coding::name(*coding)),
-        Amiss::Reversed => "they run the other way (start_mm and end_mm exchanged)".into(),
+        Amiss::Reversed(true, true) => "they run the other way (start_mm and end_mm exchanged)".into(),
+        Amiss::Reversed(x, _) => {
+            format!("those of pass {} run the other way (start_mm and end_mm exchanged)", if *x { "x" } else { "y" })
+        }
         Amiss::Exchanged => "those of pass x and pass y are exchanged".into(),
     };
     let list: Vec<String> = whites.causes.iter().map(|(c, _)| say(c)).collect();

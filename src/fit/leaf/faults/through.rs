@@ -1,9 +1,9 @@
-//! What comes through a leaf, from either side. It is nearly the same both ways, so the leaf's picture from behind is the
-//! mirror image of that from the front. Scans, domes and photographs are judged alike.
+//! What comes through a leaf, from either side. It is nearly the same both ways, so the leaf's picture from behind is
+//! the mirror image of that from the front. Scans, domes and photographs are judged alike.
 
 use crate::leaf::interior::Fitted;
 use crate::leaf::outliers::median;
-use mesophyll_files::quantity::RGB;
+use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::defect::Defect;
 use mesophyll_record::Section;
 use mesophyll_record::fault::{Fault, Grade};
@@ -70,45 +70,37 @@ pub fn energy(side: &str, mask: &[i16]) -> Option<Fault> {
             &[side],
             &["rho_d", "rho_s", "rho_t", "sigma_a", "sigma_s", "gamma"],
             format!(
-                "{side}: {:.0} % of the texels send back and let through more light than arrives (ρd + ρt > 1): the white \
-                 reference is missing or too dark, white_reflectance is wrong, or an exposure changed",
+                "{side}: {:.0} % of the texels send back and let through more light than arrives (ρd + ρt > 1): the \
+                 white reference is missing or too dark, white_reflectance is wrong, or an exposure changed",
                 100.0 * share
             ),
         )
     })
 }
 
-/// Front and back compared by what comes through them. `file`: the back's photograph.
-pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fault> {
-    let n = front.mask.len();
-    let height = n / width;
-    let log = |view: &View| -> Vec<f64> {
-        (0..n)
-            .map(|k| {
-                let t = view.through[k];
-                let mean = (t[0] + t[1] + t[2]) / 3.0;
-                if view.mask[k] && mean > 0.0 && mean < 1.0 { f64::from(mean).ln() } else { f64::NAN }
-            })
-            .collect()
-    };
-    let (a, b) = (log(front), log(back));
-    // Where the back's texel lies that shows the front's texel (i, j), for each way that the leaf may have been turned.
-    let of = |turn: usize, i: usize, j: usize| match turn {
-        0 => [width - 1 - i, j],
-        1 => [i, j],
-        2 => [i, height - 1 - j],
-        _ => [width - 1 - i, height - 1 - j],
-    };
-    let correlation = |turn: usize, shift: [i32; 2]| {
+/// Two pictures of a leaf: logarithms of a channel, NaN where there is none.
+struct Pair {
+    a: Vec<f64>,
+    b: Vec<f64>,
+    width: usize,
+}
+
+impl Pair {
+    /// Correlation of the first with the second as it is (0), with its columns (1), its rows (2) or both (3) reversed,
+    /// and shifted by columns and rows; NaN where they have less than half of the leaf in common.
+    fn correlation(&self, turn: usize, shift: [i32; 2]) -> f64 {
+        let (width, n) = (self.width, self.a.len());
+        let height = n / width;
         let mut s = [0.0; 6];
         let step = (n / 40_000).max(1);
         for k in (0..n).step_by(step) {
-            let [x, y] = of(turn, k % width, k / width);
-            let (x, y) = (x as i32 + shift[0], y as i32 + shift[1]);
+            let (i, j) = (k % width, k / width);
+            let x = (if turn & 1 == 1 { width - 1 - i } else { i }) as i32 + shift[0];
+            let y = (if turn & 2 == 2 { height - 1 - j } else { j }) as i32 + shift[1];
             if x < 0 || y < 0 || x >= width as i32 || y >= height as i32 {
                 continue;
             }
-            let (u, v) = (a[k], b[y as usize * width + x as usize]);
+            let (u, v) = (self.a[k], self.b[y as usize * width + x as usize]);
             if u.is_finite() && v.is_finite() {
                 let terms = [1.0, u, v, u * u, v * v, u * v];
                 s.iter_mut().zip(terms).for_each(|(s, t)| *s += t);
@@ -116,22 +108,93 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
         }
         let [n, u, v, uu, vv, uv] = s;
         let spread = ((uu - u * u / n) * (vv - v * v / n)).sqrt();
-        let share = n * step as f64 / a.iter().filter(|v| v.is_finite()).count().max(1) as f64;
+        let share = n * step as f64 / self.a.iter().filter(|v| v.is_finite()).count().max(1) as f64;
         if n < 60.0 || share < 0.5 || !(spread > 0.0) { f64::NAN } else { (uv - u * v / n) / spread }
+    }
+
+    /// The shift at which `score` of the correlation is best, and that correlation, where it is not at rest and better
+    /// by more than chance.
+    fn shift(&self, score: impl Fn(f64) -> f64) -> Option<(f64, [i32; 2])> {
+        let at_rest = score(self.correlation(0, [0, 0]));
+        let best = (-SHIFTS..=SHIFTS)
+            .flat_map(|y| (-SHIFTS..=SHIFTS).map(move |x| [x, y]))
+            .map(|shift| (score(self.correlation(0, shift)), shift))
+            .filter(|c| c.0.is_finite())
+            .max_by(|x, y| x.0.total_cmp(&y.0))?;
+        // Correlations by Fisher's transformation, whose standard error is 1/√n.
+        let fisher = |r: f64| r.clamp(-0.999_99, 0.999_99).atanh();
+        let texels = self.a.iter().filter(|v| v.is_finite()).count().max(1) as f64;
+        let known = if at_rest.is_finite() { at_rest } else { -1.0 };
+        let sure = fisher(best.0) - fisher(known) > (6.0 / texels.sqrt()).max(0.1);
+        (best.1 != [0, 0] && best.0 > ALIKE && sure).then_some(best)
+    }
+}
+
+fn mean_log(value: [f32; 3], most: f32) -> f64 {
+    let mean = (value[0] + value[1] + value[2]) / 3.0;
+    if mean > 0.0 && mean < most { f64::from(mean).ln() } else { f64::NAN }
+}
+
+/// The light box compared with the frames under the tube: veins show in both.
+pub fn against_frames(fitted: &Fitted, width: usize) -> Option<Fault> {
+    let rho_d = fitted.maps.three(Quantity::RhoD)?;
+    let mask = &fitted.measured.mask;
+    let log = |k: usize| if mask[k] { mean_log(rho_d.map(|plane| plane[k]), 2.0) } else { f64::NAN };
+    let pair = Pair {
+        a: (0..mask.len()).map(log).collect(),
+        b: fitted.measured.rho_t.iter().map(|t| mean_log(*t, 0.9)).collect(),
+        width,
     };
-    let right = correlation(0, [0, 0]);
+    let side = fitted.side.name();
+    // A vein may be darker than the lamina in one picture and brighter in the other.
+    let (right, wrong) = (pair.correlation(0, [0, 0]).abs(), pair.correlation(1, [0, 0]).abs());
+    let known = if right.is_finite() { right } else { 0.0 };
+    if wrong > known + BETTER && wrong > ALIKE {
+        return Some(fault(
+            "box-mirrored",
+            Grade::Wrong,
+            &[side],
+            &THROUGH,
+            format!(
+                "{side}/lightbox.exr: its veins lie where the mirror image of the frames has them (correlation \
+                 {wrong:.2} instead of {known:.2}): it is the photograph of the other side, or was mirrored"
+            ),
+        ));
+    }
+    let (r, shift) = pair.shift(f64::abs)?;
+    Some(fault(
+        "box-shifted",
+        Grade::Wrong,
+        &[side],
+        &THROUGH,
+        format!(
+            "{side}/lightbox.exr: its veins lie {} columns and {} rows from where the frames have them (correlation \
+             {r:.2} instead of {known:.2}): the leaf lay otherwise on the light box",
+            shift[0], shift[1]
+        ),
+    ))
+}
+
+/// Front and back compared by what comes through them. `file`: the back's photograph.
+pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fault> {
+    let n = front.mask.len();
+    let log = |view: &View, k: usize| if view.mask[k] { mean_log(view.through[k], 1.0) } else { f64::NAN };
+    let mirrored = |k: usize| k / width * width + width - 1 - k % width;
+    let pair =
+        Pair { a: (0..n).map(|k| log(front, k)).collect(), b: (0..n).map(|k| log(back, mirrored(k))).collect(), width };
+    let right = pair.correlation(0, [0, 0]);
     let both = ["front", "back"];
-    let wrong =
-        (1..4).map(|t| (correlation(t, [0, 0]), t)).filter(|c| c.0.is_finite()).max_by(|x, y| x.0.total_cmp(&y.0));
     let known = if right.is_finite() { right } else { -1.0 };
+    let wrong = (1..4).map(|t| (pair.correlation(t, [0, 0]), t)).filter(|c| c.0.is_finite());
+    let wrong = wrong.max_by(|x, y| x.0.total_cmp(&y.0));
     if let Some((r, turn)) = wrong.filter(|w| w.0 > known + BETTER && w.0 > ALIKE) {
         let what = match turn {
             1 => {
-                "it shows the front's image and not its mirror image (the leaf was not turned, \
-                 the photograph is that of the front, or the back was mirrored once too often)"
+                "it shows the front's image and not its mirror image (the leaf was not turned, the photograph is that \
+                 of the front, or the back was mirrored once too often)"
             }
-            2 => "the back is turned about the x axis and not about the y axis (its rows run the other way)",
-            _ => "the back is upside down",
+            2 => "the back is upside down",
+            _ => "the back is turned about the x axis and not about the y axis (its rows run the other way)",
         };
         return Some(fault(
             "back-not-turned",
@@ -141,17 +204,7 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
             format!("{file}: {what}; correlation of what comes through {r:.2} instead of {known:.2}"),
         ));
     }
-    let best = (-SHIFTS..=SHIFTS)
-        .flat_map(|y| (-SHIFTS..=SHIFTS).map(move |x| [x, y]))
-        .map(|shift| (correlation(0, shift), shift))
-        .filter(|c| c.0.is_finite())
-        .max_by(|x, y| x.0.total_cmp(&y.0));
-    let texels = front.mask.iter().filter(|m| **m).count().max(1) as f64;
-    // Correlations by Fisher's transformation, whose standard error is 1/√n.
-    let better = |r: f64| r.clamp(-0.999_99, 0.999_99).atanh() - known.clamp(-0.999_99, 0.999_99).atanh();
-    if let Some((r, shift)) =
-        best.filter(|b| b.1 != [0, 0] && b.0 > ALIKE && better(b.0) > (6.0 / texels.sqrt()).max(0.1))
-    {
+    if let Some((r, shift)) = pair.shift(|r| r) {
         return Some(fault(
             "back-shifted",
             Grade::Wrong,
@@ -160,14 +213,11 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
             format!(
                 "{file}: what comes through the back fits the front's when shifted by {} columns and {} rows \
                  (correlation {r:.2} instead of {known:.2}): the leaf moved between the sides",
-                shift[0], shift[1]
+                -shift[0], shift[1]
             ),
         ));
     }
-    // The level.
-    let ratios: Vec<f64> =
-        (0..n).map(|k| a[k] - b[k / width * width + width - 1 - k % width]).filter(|v| v.is_finite()).collect();
-    let apart = median(ratios);
+    let apart = median((0..n).map(|k| pair.a[k] - pair.b[k]).filter(|v| v.is_finite()).collect());
     (apart.abs() > SIDES).then(|| {
         fault(
             "sides-transmit",
@@ -175,10 +225,56 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
             &both,
             &[],
             format!(
-                "front and back: {:.2} times as much light comes through from the front as from the back; a leaf lets through \
-                 nearly the same either way, so one of the photographs has another exposure, or shows another leaf",
+                "front and back: {:.2} times as much light comes through from the front as from the back; a leaf lets \
+                 through nearly the same either way, so one of the photographs has another exposure, or shows another \
+                 leaf",
                 apart.exp()
             ),
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lopsided leaf with veins, seen from the front, and from the back as it is after a turn.
+    fn leaf(width: usize, height: usize, moved: [i32; 2]) -> (Vec<bool>, Vec<[f32; 3]>) {
+        let at = |k: usize| {
+            let (i, j) = ((k % width) as i32 - moved[0], (k / width) as i32 - moved[1]);
+            let (x, y) = (f64::from(i) / width as f64 - 0.45, f64::from(j) / height as f64 - 0.52);
+            let through = 0.2 + 0.06 * (17.0 * x + 9.0 * y * y).sin() + 0.05 * (23.0 * y - 8.0 * x).cos();
+            (x * x / 0.16 + y * y / 0.12 < 1.0, [through as f32; 3])
+        };
+        (0..width * height).map(at).unzip()
+    }
+
+    fn mirrored((mask, through): &(Vec<bool>, Vec<[f32; 3]>), width: usize) -> (Vec<bool>, Vec<[f32; 3]>) {
+        let from = |k: usize| k / width * width + width - 1 - k % width;
+        ((0..mask.len()).map(|k| mask[from(k)]).collect(), (0..mask.len()).map(|k| through[from(k)]).collect())
+    }
+
+    #[test]
+    fn a_back_that_was_not_turned_or_that_moved_is_named() {
+        let (width, height) = (60, 45);
+        let front = leaf(width, height, [0, 0]);
+        let right = mirrored(&front, width);
+        let name = |back: &(Vec<bool>, Vec<[f32; 3]>)| {
+            turned(&View::from(&front), &View::from(back), width, "back.exr").map(|f| (f.name, f.says))
+        };
+        assert_eq!(name(&right), None);
+        assert_eq!(name(&front).unwrap().0, "back-not-turned");
+        // The back's image two columns to the right of where it should be: the front's two to the left.
+        let (kind, says) = name(&mirrored(&leaf(width, height, [-2, 1]), width)).unwrap();
+        assert!(kind == "back-shifted" && says.contains("2 columns and 1 rows"), "{says}");
+        let brighter = (right.0.clone(), right.1.iter().map(|t| t.map(|v| 1.4 * v)).collect());
+        assert_eq!(name(&brighter).unwrap().0, "sides-transmit");
+    }
+
+    #[test]
+    fn more_light_than_arrives_is_named() {
+        let mask: Vec<i16> = (0..100).map(|k| if k % 3 == 0 { Defect::Energy.code() } else { 1 }).collect();
+        assert_eq!(energy("front", &mask).unwrap().sides, ["front"]);
+        assert_eq!(energy("front", &[1; 100]), None);
+    }
 }

@@ -15,12 +15,16 @@ use rayon::prelude::*;
 
 /// Texels that are fitted again.
 const TEXELS: usize = 40;
+/// The share of them whose χ² is smallest speaks for the leaf.
+const SPEAK: f64 = 0.8;
 /// A cause is named where it takes away at least this share of what χ² has above the noise.
-pub const EXPLAINS: f64 = 0.6;
+const EXPLAINS: f64 = 0.85;
 /// χ² that is less than this share above the noise is not worth a search.
 const LEAST: f64 = 0.04;
+/// Residuals of a bright reading below this share of it are the precision of the model and of the white frames.
+const PRECISION: f64 = 1e-3;
 /// So many of the causes have their amount refined.
-const REFINED: usize = 7;
+const REFINED: usize = 5;
 /// Causes whose share is smaller than the best one's by no more than this are named beside it.
 const TIE: f64 = 0.04;
 
@@ -60,23 +64,37 @@ pub struct Trials<'a> {
     sample: &'a Sample,
     /// Dark level of each texel, in the camera's values.
     dark: Vec<[f64; 3]>,
+    noise: f64,
     chosen: Vec<usize>,
     /// Readings that count: frames by pass.
     used: Vec<Vec<bool>>,
 }
 
 impl<'a> Trials<'a> {
-    /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel.
-    pub fn new(scan: &'a Scan, sample: &'a Sample, dark: Vec<[f64; 3]>, wrong: impl Fn(Travel, usize) -> bool) -> Self {
+    /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel; `noise`: the true
+    /// variance of the noise over the stated one.
+    pub fn new(
+        scan: &'a Scan,
+        sample: &'a Sample,
+        dark: Vec<[f64; 3]>,
+        noise: f64,
+        wrong: impl Fn(Travel, usize) -> bool,
+    ) -> Self {
         let step = sample.texels.len().div_ceil(TEXELS).max(1);
         let chosen = (step / 2..sample.texels.len()).step_by(step).collect();
         let used = sample.passes.iter().map(|p| (0..p.frames()).map(|k| !wrong(p.travel, k)).collect()).collect();
-        Trials { scan, sample, dark, chosen, used }
+        Trials { scan, sample, dark, noise, chosen, used }
     }
 
-    /// Tries every cause where the texels' χ² is above `noise` (the true variance over the stated one) by more than
-    /// chance. A few texels choose the likely causes, more of them find their amounts, and all decide.
-    pub fn search(&self, noise: f64) -> Outcome {
+    /// Reduced χ² of the texels as they are.
+    pub fn before(&self) -> f64 {
+        self.fit(Cause::None, 1).chi2
+    }
+
+    /// Tries every cause where the texels' χ² is above the noise by more than chance. A few texels choose the likely
+    /// causes, more of them find their amounts, and all decide.
+    pub fn search(&self) -> Outcome {
+        let noise = self.noise;
         let base = self.fit(Cause::None, 1);
         let mut out = Outcome {
             before: base.chi2,
@@ -88,7 +106,9 @@ impl<'a> Trials<'a> {
         };
         let chance = 6.0 * (2.0 / base.freedom).sqrt() * noise;
         let excess = base.chi2 - noise;
-        if !(excess > chance.max(LEAST * noise)) {
+        let bright = f64::from(self.bright());
+        let residual = base.chi2.sqrt() * self.scan.noise(bright) / bright;
+        if !(excess > chance.max(LEAST * noise) && residual > PRECISION) {
             return out;
         }
         let mut coarse: Vec<(f64, Family, usize)> = self
@@ -133,25 +153,23 @@ impl<'a> Trials<'a> {
         let far = [-0.3, -0.1, 0.0, 0.1, 0.3];
         let mut list = vec![
             Family::of(Cause::Camera, grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9)),
-            Family::of(Cause::Height, scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6])),
-            Family::of(Cause::Length, scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5])),
-            Family::of(Cause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])),
             Family::of(Cause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])),
             Family::of(|a| Cause::Drift(None, a), grid(-0.4, 0.4, 7)),
             Family::of(|a| Cause::Drift(Some(Travel::X), a), grid(-0.4, 0.4, 7)),
             Family::of(|d| Cause::Zero(Travel::X, d), scaled(scan.tube_height_mm, &far)),
             Family::one(Cause::Reversed(true, false)),
             Family::one(Cause::Mirrored),
-            Family::one(Cause::Coded(Coding::Srgb, false)),
-            Family::one(Cause::Coded(Coding::Gamma, false)),
+            Family::one(Cause::Coded(Coding::Srgb)),
+            Family::one(Cause::Coded(Coding::Gamma)),
         ];
+        // White frames that fall off as they must have shown already that these are right.
+        if self.sample.passes.iter().all(|p| p.gain.is_empty()) {
+            list.push(Family::of(Cause::Height, scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6])));
+            list.push(Family::of(Cause::Length, scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5])));
+            list.push(Family::of(Cause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])));
+        }
         if scan.tube_radius_mm > 0.0 {
             list.push(Family::of(Cause::Radius, scaled(scan.tube_radius_mm, &[0.05, 0.5, 1.0, 2.0, 4.0, 8.0])));
-        }
-        if self.sample.passes.iter().any(|p| !p.gain.is_empty()) {
-            list.push(Family::one(Cause::Coded(Coding::Srgb, true)));
-            list.push(Family::one(Cause::Coded(Coding::Gamma, true)));
-            list.push(Family::of(Cause::Dark, scaled(self.bright_raw(), &[-0.1, -0.03, 0.0, 0.03, 0.1, 0.2])));
         }
         if both {
             list.push(Family::one(Cause::Reversed(false, true)));
@@ -173,13 +191,6 @@ impl<'a> Trials<'a> {
         if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(at, f32::total_cmp).1 }
     }
 
-    /// The same as the camera saw it.
-    fn bright_raw(&self) -> f64 {
-        let gains = self.sample.passes.iter().flat_map(|p| &p.gain).flatten().copied().filter(|g| g.is_finite());
-        let (sum, count) = gains.fold((0.0, 0usize), |(s, n), g| (s + f64::from(g), n + 1));
-        f64::from(self.bright()) * sum / count.max(1) as f64
-    }
-
     /// The best member of a family around the best point of its grid.
     fn refine(&self, family: &Family, top: usize) -> Cause {
         let grid = &family.grid;
@@ -190,7 +201,7 @@ impl<'a> Trials<'a> {
         let cost = |x: f64| self.fit((family.of)(x), 2).chi2;
         let mut best = (cost(grid[top]), grid[top]);
         // Golden section.
-        for _ in 0..6 {
+        for _ in 0..5 {
             let (a, b) = (high - 0.618 * (high - low), low + 0.618 * (high - low));
             let (at_a, at_b) = (cost(a), cost(b));
             for (c, x) in [(at_a, a), (at_b, b)] {
@@ -217,12 +228,13 @@ impl<'a> Trials<'a> {
             .step_by(step)
             .map_init(Scratch::default, |scratch, &n| self.fit_texel(scratch, n, cause, &scan, &passes))
             .collect();
-        let freedom: f64 = each.iter().map(|e| e.1).sum();
-        Fits {
-            chi2: each.iter().map(|e| e.0).sum::<f64>() / freedom.max(1.0),
-            freedom,
-            texels: each.into_iter().map(|e| e.2).collect(),
-        }
+        // A texel at the margin or on the stalk may fit no model. It must not speak for the others.
+        let mut order: Vec<usize> = (0..each.len()).filter(|n| each[*n].0.is_finite()).collect();
+        order.sort_by(|a, b| (each[*a].0 / each[*a].1).total_cmp(&(each[*b].0 / each[*b].1)));
+        order.truncate((SPEAK * each.len() as f64).ceil() as usize);
+        let freedom: f64 = order.iter().map(|n| each[*n].1).sum();
+        let chi2: f64 = order.iter().map(|n| each[*n].0).sum();
+        Fits { chi2: chi2 / freedom.max(1.0), freedom, texels: each.into_iter().map(|e| e.2).collect() }
     }
 
     /// The tube's places and the readings that belong to them.
@@ -272,6 +284,10 @@ impl<'a> Trials<'a> {
         let level = Texel { m: 0.35, normal: [0.0, 0.0, 1.0], ..self.sample.fitted[n] };
         let mut best: Option<(f64, Texel)> = None;
         for start in [self.sample.fitted[n], level] {
+            // Another start is worth its time where the first one has not led to the noise.
+            if best.is_some_and(|b| b.0 < 1.3 * self.noise * readings as f64) {
+                break;
+            }
             let (chi2, texel) = descend(scratch, start, at, passes, &data);
             if best.is_none_or(|b| chi2 < b.0) {
                 best = Some((chi2, texel));
@@ -317,12 +333,7 @@ impl<'a> Trials<'a> {
                     let dark = self.dark[n][c];
                     let change = |y: f64| match cause {
                         Cause::Offset(a) => y - a,
-                        Cause::Dark(b) => (y * gain - b) / (gain - b / was),
-                        Cause::Coded(coding, false) => (coding.linear(y * gain + dark) - coding.linear(dark)) / gain,
-                        Cause::Coded(coding, true) => {
-                            let white = (coding.linear(gain * was + dark) - coding.linear(dark)) / was;
-                            (coding.linear(y * gain + dark) - coding.linear(dark)) / white
-                        }
+                        Cause::Coded(coding) => (coding.linear(y * gain + dark) - dark) / gain,
                         _ => y * is / was / drift,
                     };
                     // The noise changes with the readings: its slope is that of the change.

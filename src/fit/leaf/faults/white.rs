@@ -1,5 +1,5 @@
-//! The white frames alone: a sheet whose fall-off is known tells whether the tube stands where capture.toml says, whether
-//! dark light was taken off, and whether the frames are linear. The angle of the camera plays no part in it.
+//! The white frames alone: a sheet whose fall-off is known tells whether the tube stands where capture.toml says,
+//! whether dark light was taken off, and whether the frames are linear. The angle of the camera plays no part in it.
 
 use super::causes::Coding;
 use crate::leaf::noise::Level;
@@ -11,7 +11,7 @@ use mesophyll_optics::tube::{Travel, Tube};
 /// Places of the sheet in either direction.
 const PLACES: usize = 7;
 /// White frames that scatter by less than this share about one gain a place agree with the sheet.
-const AGREES: f64 = 0.01;
+const AGREES: f64 = 0.003;
 /// A cause is named where it takes away this share of the scatter's square.
 const EXPLAINS: f64 = 0.8;
 /// Causes that leave almost as little are named beside the best one.
@@ -43,8 +43,8 @@ pub enum Amiss {
     Dark(f64),
     /// The frames are coded.
     Coded(Coding),
-    /// The passes run the other way.
-    Reversed,
+    /// These passes (x, y) run the other way.
+    Reversed(bool, bool),
     /// The frames of each pass are those of the other.
     Exchanged,
 }
@@ -108,7 +108,10 @@ pub fn look(capture: &Capture, level: &Level) -> Whites {
         sheet.best(Amiss::Texel, &[0.3, 0.6, 0.8, 1.0, 1.3, 1.8, 3.0].map(|f| f * m.texel_mm)),
         sheet.best(Amiss::Dark, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.3].map(|f| f * brightest)),
     ];
-    for cause in [Amiss::Coded(Coding::Srgb), Amiss::Coded(Coding::Gamma), Amiss::Reversed, Amiss::Exchanged] {
+    let both = sheet.passes.len() == 2;
+    let turned = [(true, false), (false, true), (true, true)].into_iter().take(if both { 3 } else { 1 });
+    let others = [Amiss::Coded(Coding::Srgb), Amiss::Coded(Coding::Gamma), Amiss::Exchanged];
+    for cause in turned.map(|(x, y)| Amiss::Reversed(x, y)).chain(others) {
         tried.push((sheet.scatter(cause), cause));
     }
     tried.retain(|t| t.0.is_finite());
@@ -154,7 +157,7 @@ impl Sheet {
                 (Amiss::Exchanged, _) => return f64::INFINITY,
                 _ => (pass.travel, pass.positions.clone()),
             };
-            if amiss == Amiss::Reversed {
+            if matches!(amiss, Amiss::Reversed(x, y) if [x, y][pass.travel as usize]) {
                 positions.reverse();
             }
             for (n, at) in self.at.iter().enumerate() {

@@ -215,7 +215,7 @@ fn faults_of_a_table_are_named() {
     for (cell, note) in [
         ("7.500,NA", "without a reading"),
         ("7.500,-9999", "without a reading"),
-        ("7.500,?", "\"?\""),
+        ("7.500,x", "u_mm is \"x\""),
         ("7.500", "1 fields"),
     ] {
         let found = read(table(with(150, cell), header), None).unwrap();

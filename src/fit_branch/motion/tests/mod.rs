@@ -18,7 +18,8 @@ fn normal(rng: &mut Pcg64) -> f64 {
 /// fit's formulas.
 fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
-    // So many steps between readings that each turns the oscillation by less than .03 (rounding of steps is then below 1e-4).
+    // So many steps between readings that each turns the oscillation by less than .03 (rounding of steps is then below
+    // 1e-4).
     let sub = 20u32.max((TAU * f * step / 0.03).ceil() as u32);
     let (dt, omega2) = (step / f64::from(sub), (TAU * f).powi(2));
     let (mut x, mut v) = (0.0, 0.0);

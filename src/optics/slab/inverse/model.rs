@@ -110,6 +110,14 @@ impl Model {
         }
     }
 
+    /// Whether F costs little at M = ln Δ: from a table or a series.
+    pub(super) fn is_quick(&self, m: f64) -> bool {
+        match &self.kind {
+            Kind::Matched => true,
+            Kind::Faces(both) => (both.1.range[0].ln()..=both.1.range[1].ln()).contains(&m),
+        }
+    }
+
     /// F and its Jacobian from the fast model at L = ln(σs/σa) and M = ln Δ.
     #[inline]
     pub(super) fn at(&self, l: f64, m: f64) -> ([f64; 2], Point) {

@@ -44,7 +44,8 @@ impl Point {
     }
 }
 
-/// The slab whose reflectance is `above` what its faces reflect at this transmittance `t`, and `lost` = 1 − r − t, all > 0.
+/// The slab whose reflectance is `above` what its faces reflect at this transmittance `t`, and `lost` = 1 − r − t, all
+/// > 0.
 /// `None` only where the range of numbers is exhausted.
 pub fn solve(model: &Model, above: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
     let target = [(above / lost).ln(), (model.log_clear - t.ln()).ln()];
@@ -59,8 +60,8 @@ pub fn solve(model: &Model, above: f64, t: f64, lost: f64, precision: Precision)
     }
 }
 
-/// The result of `steps` plain Newton steps from the tabulated start, as (1−ω, ω, Δ), without reflecting faces. It serves
-/// the sweep over the number of steps.
+/// The result of `steps` plain Newton steps from the tabulated start, as (1−ω, ω, Δ), without reflecting faces. It
+/// serves the sweep over the number of steps.
 pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
     let model = Model::matched();
     let target = [(r / lost).ln(), (-t.ln()).ln()];
@@ -279,7 +280,8 @@ fn corrections(model: &Model) -> Vec<[f64; 2]> {
             } else {
                 [0.0, 0.0]
             };
-            let found = iterate(model, [base[0] + near[0], base[1] + near[1]], f);
+            let start = [base[0] + near[0], base[1] + near[1]];
+            let found = if model.is_quick(start[1]) { iterate(model, start, f) } else { None };
             grid.push(found.map_or(near, |p| [(p.omega / p.absorbed).ln() - base[0], p.delta.ln() - base[1]]));
         }
     }

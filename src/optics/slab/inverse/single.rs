@@ -1,8 +1,8 @@
 //! One measured share and one known coefficient: the other coefficient.
 //!
-//! Either of ρd and ρt is a function of the unknown σ alone once the other σ is known. All slabs with the measured value
-//! are looked for over the whole range of σ, since with reflecting faces or at strong absorption ρd need not rise with
-//! σs everywhere. The error has two parts: that of the measurement and that of the known coefficient.
+//! Either of ρd and ρt is a function of the unknown σ alone once the other σ is known. All slabs with the measured
+//! value are looked for over the whole range of σ, since with reflecting faces or at strong absorption ρd need not rise
+//! with σs everywhere. The error has two parts: that of the measurement and that of the known coefficient.
 
 use super::bounds::figure;
 use super::{DETERMINED, Estimate, IMPOSSIBLE, Model, OPAQUE, ROUNDING, SMALLEST, Status, thickness_trouble};

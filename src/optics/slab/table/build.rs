@@ -21,7 +21,8 @@ pub(crate) struct Source<'a> {
     pub extrapolated: f64,
     /// About the largest error.
     pub tolerance: f64,
-    /// Check points in each direction of a patch, at most [`ORDER`]: nodes of the interpolation, and points between them.
+    /// Check points in each direction of a patch, at most [`ORDER`]: nodes of the interpolation, and points between
+    /// them.
     pub checks: usize,
     /// G₁ and G₂ at ω, 1−ω and Δ.
     pub scaled: &'a (dyn Fn(f64, f64, f64) -> [f64; 2] + Sync),

@@ -17,6 +17,7 @@ use light::light;
 use mesophyll_processor::InstructionSet;
 use mesophyll_quadrature::symmetric;
 use respond::respond;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// How many columns a pass has for one normal and slope of a texel: D, S, ∂S/∂m, then ∂D and ∂S along one or two
 /// changes of the normal. Columns are padded with zeros to whole vectors.
@@ -25,6 +26,8 @@ pub const COLUMNS: usize = 7;
 /// The tube's positions as seen from one texel; each list has one value a frame, and padding.
 #[derive(Debug, Clone, Default)]
 pub struct Lit {
+    /// The pass that filled it, and the texel (mm).
+    pass: u64,
     texel: [f64; 2],
     /// sin θ, cos θ; tangents, sines and cosines of the ends; asin(radius/distance); height/distance · (β/sin β).
     sin: Vec<f64>,
@@ -39,9 +42,14 @@ pub struct Lit {
     skew: Vec<f64>,
 }
 
+/// Number of the next pass; 0 is that of no pass.
+static PASSES: AtomicU64 = AtomicU64::new(1);
+
 /// A pass of a device, ready for many texels.
 #[derive(Debug, Clone)]
 pub struct Pass {
+    /// Tells passes apart that share a [`Lit`].
+    id: u64,
     model: Model,
     travel: Travel,
     positions: Vec<f64>,
@@ -105,6 +113,7 @@ impl Pass {
         let half = |k: i32| (f64::from(k), if k == 0 { 1.0 } else { 2.0 });
         let radius = model.tube.radius_mm;
         Pass {
+            id: PASSES.fetch_add(1, Ordering::Relaxed),
             model: model.clone(),
             travel,
             positions: positions_mm.to_vec(),
@@ -140,10 +149,10 @@ impl Pass {
     /// Fills `lit` with the tube's positions as seen from `texel_mm`.
     pub fn light(&self, texel_mm: [f64; 2], lit: &mut Lit) {
         let n = self.padded();
-        if lit.sin.len() == n && lit.texel == texel_mm {
+        if (lit.pass, lit.texel) == (self.id, texel_mm) {
             return;
         }
-        lit.texel = texel_mm;
+        (lit.pass, lit.texel) = (self.id, texel_mm);
         for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew] {
             list.resize(n, 0.0);
         }
