@@ -10,6 +10,8 @@ use mesophyll_solve::adequacy::{self, Along, Readings};
 /// A reading that is farther from the rest than this many standard deviations is no noise: of a million readings with
 /// noise, two are.
 const FAR: f64 = 5.0;
+/// With fewer contrasts between columns than this, noise that grows with the reading looks like a pattern of them.
+const CONTRASTS: usize = 60;
 /// Directions whose angles differ by less than this (rad) stand in one line of the goniometer.
 const SAME: f64 = 0.01;
 
@@ -29,7 +31,11 @@ pub(super) fn judge(samples: &[Sample], fit: &Residuals, tilts: [f64; 2], floor:
     // A single column has no contrasts.
     let widening = common.widening.iter().enumerate().map(|(k, w)| contrasts.widening.get(k).map_or(*w, |c| w.max(*c)));
     let widening = widening.collect();
-    let between = contrasts.why.map(|why| format!("the value columns differ in more than their diffuse level: {why}"));
+    let enough = fit.contrasts.freedom() >= CONTRASTS;
+    let between = contrasts
+        .why
+        .filter(|_| enough)
+        .map(|why| format!("the value columns differ in more than their diffuse level: {why}"));
     Judgement { why: common.why.or(between).or_else(|| stray(samples, fit, floor)), widening }
 }
 

@@ -11,7 +11,7 @@ use mesophyll_solve::adequacy::normal_quantile;
 use nalgebra::DMatrix;
 
 /// A gain of the log-likelihood by this much makes a noise that grows with the reading worth its parameter.
-const GROWS: f64 = 2.0;
+const GROWS: f64 = 5.0;
 /// A common noise of the columns of one direction is believed when equal noise gives it this seldom.
 const SHARED: f64 = 1e-3;
 
