@@ -212,7 +212,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let unit = thickness_unit(&column, args.thickness_unit)?;
     let scale = unit.unwrap_or(Unit::Millimetre).mm();
     // A column `h` is a plain number in mm, of any slab; a column that names its unit is a leaf's.
-    let leaf_like = !args.any_thickness && !(column == "h" && args.thickness_unit.is_none());
+    let leaf_like = !(args.any_thickness || column == "h" && args.thickness_unit.is_none());
     // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
     let some_have_errors = if wide.is_empty() {
         names[3..5].iter().any(|name| table.column(name).is_some())
