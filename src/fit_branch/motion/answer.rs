@@ -18,6 +18,8 @@ const CLEAR: f64 = 6.0;
 const RESONANCES: [f64; 2] = [0.03, 100.0];
 /// Deflections (mm) that no branch's tip has: 30 m.
 const FAR: f64 = 3e4;
+/// Damping times length of a record in gusts below which the damping is not determined.
+const REMEMBERED: f64 = 8.0;
 /// A free decay read this often in a cycle is told from one above half the sampling rate by common sense alone, ...
 const A_CYCLE: f64 = 10.0;
 /// ... as is one whose alias lies above this frequency (Hz), where branches do not sway visibly.
@@ -176,7 +178,7 @@ fn of_decay(decay: &Decay, record: &Record, known: &Known, why: String) -> Motio
         kind: Kind::FreeDecay,
         resonance: Value { value: f, error: decay.errors[0] },
         damping: Value { value: gamma, error: decay.errors[1] },
-        ratio: Value { value: ratio, error: ratio * decay.ratio_error },
+        ratio: Value { value: ratio, error: if gamma > 0.0 { ratio * decay.ratio_error } else { f64::INFINITY } },
         gains: Vec::new(),
         slowness: Value { value: f64::NAN, error: f64::NAN },
         bins: 0,
@@ -247,7 +249,17 @@ fn of_gusts(gusts: &Gusts, record: &Record, known: &Known, why: String) -> Motio
     for value in [&mut motion.resonance, &mut motion.damping, &mut motion.ratio].into_iter().chain(&mut motion.gains) {
         value.error *= gusts.widening;
     }
-    motion.status = status(&motion, record, gusts.lack.clone(), None);
+    // A motion that is remembered for longer than the record is no random one that could be told from it.
+    let length = gusts.spectra.readings as f64 * record.step;
+    let unresolved = (motion.damping.value * length < REMEMBERED).then(|| {
+        format!(
+            "it is remembered for {:.0} s or more, and the record has {length:.0} s: a longer record, or a line of a \
+             machine",
+            2.0 / motion.damping.value.max(1.0 / (1e3 * length))
+        )
+    });
+    let lack = gusts.lack.clone().or(unresolved);
+    motion.status = status(&motion, record, lack, None);
     // The search for a resonance above half the sampling rate is only worth while where all else is right, or where
     // such a resonance may be what is wrong.
     if (motion.status.is_ok() || gusts.lack.is_some())

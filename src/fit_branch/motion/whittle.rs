@@ -318,7 +318,7 @@ impl<'a> Expected<'a> {
         }
         // A tenth of a millionth of a standard error is precise enough.
         let options = Options {
-            max_iterations: 200,
+            max_iterations: 60,
             cost_tolerance: 1e-12,
             step_tolerance: 1e-9,
             lower,

@@ -5,7 +5,7 @@ use super::*;
 use mesophyll_files::table::Table;
 
 const F: f64 = 1.4;
-const GAMMA: f64 = 1.2;
+const GAMMA: f64 = 3.0;
 const STEP: f64 = 0.05;
 
 fn swaying(n: usize, seed: u64) -> Vec<f64> {
@@ -36,7 +36,7 @@ fn pulls(says: &str, seeds: std::ops::Range<u64>, fault: impl Fn(Vec<f64>, &mut 
     (seeds.into_par_iter().map(one).sum::<f64>() / count).sqrt()
 }
 
-/// Each bound lets 24 pulls of standard deviation 1 (which have a root mean square of 1 ± .14) pass.
+/// Each bound lets 12 pulls of standard deviation 1 (which have a root mean square of 1 ± .2) pass.
 #[test]
 fn drift_is_taken_out() {
     let along = |of: fn(f64) -> f64| {
@@ -55,27 +55,27 @@ fn drift_is_taken_out() {
             .collect::<Vec<f64>>()
     };
     let all = [
-        ("a line", pulls("drift", 0..12, along(|x| 300.0 * x))),
-        ("warming up", pulls("drift", 20..32, along(|x| 150.0 * (-8.0 * x).exp()))),
-        ("waves", pulls("drift", 40..52, along(|x| 60.0 * (14.0 * x).sin()))),
-        ("a step", pulls("drift", 60..72, along(|x| if x > 0.4 { 60.0 } else { 0.0 }))),
-        ("a random walk", pulls("drift", 80..92, walk)),
+        ("a line", pulls("drift", 0..6, along(|x| 300.0 * x))),
+        ("warming up", pulls("drift", 20..26, along(|x| 150.0 * (-8.0 * x).exp()))),
+        ("waves", pulls("drift", 40..46, along(|x| 60.0 * (14.0 * x).sin()))),
+        ("a step", pulls("drift", 60..66, along(|x| if x > 0.4 { 60.0 } else { 0.0 }))),
+        ("a random walk", pulls("drift", 80..86, walk)),
     ];
     println!("{all:?}");
-    assert!(all.iter().all(|(_, rms)| *rms < 1.5), "{all:?}");
+    assert!(all.iter().all(|(_, rms)| *rms < 1.7), "{all:?}");
 }
 
 #[test]
 fn wild_readings_are_left_out() {
     for (size, count) in [(40.0, 1), (3000.0, 1), (200.0, 12)] {
-        let rms = pulls("wild reading", 100..112, |mut r, rng| {
+        let rms = pulls("wild reading", 100..106, |mut r, rng| {
             for _ in 0..count {
                 let at = (rng.random::<f64>() * r.len() as f64) as usize;
                 r[at] += if rng.random::<f64>() < 0.5 { -size } else { size };
             }
             r
         });
-        assert!(rms < 1.5, "{size} {count}: {rms}");
+        assert!(rms < 1.7, "{size} {count}: {rms}");
     }
     let mut rng = Pcg64::seed_from_u64(1);
     let wild = swaying(4096, 1)
@@ -85,48 +85,49 @@ fn wild_readings_are_left_out() {
     let found = fit(&of(STEP, wild), &white()).unwrap();
     assert!(found.status.leaves_open("damping_per_s") && found.status.to_string().contains("are wild"), "{found:?}");
     // Readings that are right are left alone.
-    let rms = pulls("", 120..132, |r, _| {
+    let rms = pulls("", 120..126, |r, _| {
         assert!(clean::clean(&of(STEP, r.clone())).left_out.is_empty());
         r
     });
-    assert!(rms < 1.5, "{rms}");
+    assert!(rms < 1.7, "{rms}");
 }
 
 #[test]
 fn gaps_do_not_matter() {
-    let dropped = pulls("", 140..152, |r, rng| {
+    let dropped = pulls("", 140..146, |r, rng| {
         r.into_iter().map(|r| if rng.random::<f64>() < 0.2 { f64::NAN } else { r }).collect()
     });
-    let paused = pulls("", 160..172, |mut r, _| {
+    let paused = pulls("", 160..166, |mut r, _| {
         r[700..1500].fill(f64::NAN);
         r[2600..2900].fill(f64::NAN);
         r
     });
-    assert!(dropped < 1.5 && paused < 1.5, "{dropped} {paused}");
+    assert!(dropped < 1.7 && paused < 1.7, "{dropped} {paused}");
     let mostly: Vec<f64> =
         swaying(4096, 1).into_iter().enumerate().map(|(k, r)| if k % 3 == 0 { r } else { f64::NAN }).collect();
     assert!(fit(&of(STEP, mostly), &white()).unwrap_err().contains("expected half of them or more"));
 }
 
-/// A motion above half the rate is not called found, and one well below stays found.
+/// A motion above half the rate is not called found, and one well below is not suspected.
 #[test]
 fn a_resonance_above_half_the_rate_is_thought_of() {
-    let count = |f: f64, ratio: f64, rate: f64| -> usize {
+    let statuses = |f: f64, ratio: f64, rate: f64| -> Vec<String> {
         let one = |seed: u64| {
-            let readings = stepped(f, ratio * 2.0 * TAU * f, 300.0, 1.0 / rate, 3000, seed);
-            usize::from(fit(&of(1.0 / rate, readings), &Known::default()).is_ok_and(|m| m.status.is_ok()))
+            let readings = stepped(f, ratio * 2.0 * TAU * f, 300.0, 1.0 / rate, 2000, seed);
+            fit(&of(1.0 / rate, readings), &Known::default()).unwrap().status.to_string()
         };
-        (0..8u64).into_par_iter().map(one).sum()
+        (0..4u64).into_par_iter().map(one).collect()
     };
-    for (f, rate) in [(2.2, 3.0), (1.7, 2.0), (3.1, 2.5)] {
-        for ratio in [0.04, 0.15] {
-            assert_eq!(count(f, ratio, rate), 0, "{f} {ratio} at {rate}");
-        }
+    for (f, ratio, rate) in [(2.2, 0.04, 3.0), (2.2, 0.15, 3.0), (1.7, 0.08, 2.0)] {
+        let all = statuses(f, ratio, rate);
+        assert!(all.iter().all(|s| s.starts_with("undetermined: resonance_hz")), "{f} {ratio} {rate}: {all:?}");
     }
-    for (f, rate) in [(1.0, 10.0), (0.7, 20.0), (2.2, 10.0)] {
-        for ratio in [0.04, 0.15] {
-            assert!(count(f, ratio, rate) >= 7, "{f} {ratio} at {rate}");
-        }
+    for (f, ratio, rate) in [(1.0, 0.04, 10.0), (0.7, 0.15, 20.0), (2.2, 0.15, 10.0)] {
+        let all = statuses(f, ratio, rate);
+        let fine = |s: &&String| *s == "ok" || s.contains("a standard error above");
+        // One of 12 may be accused by chance of another spectrum.
+        assert!(all.iter().filter(fine).count() >= 3, "{f} {ratio} {rate}: {all:?}");
+        assert!(all.iter().all(|s| !s.contains("half the sampling rate")), "{f} {ratio} {rate}: {all:?}");
     }
 }
 

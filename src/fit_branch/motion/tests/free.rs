@@ -83,8 +83,7 @@ fn other_decays_are_not_called_found() {
         one(1.2, 0.5, 30.0).iter().zip(stepped(1.2, 0.5, 30.0, 0.05, 600, 3)).map(|(a, b)| a + b).collect();
     for (name, motion) in [("modes", modes), ("drag", dragged), ("gusts", pushed)] {
         let found = fit(&record(0.05, vec![noisy(motion, 0.05, 1)]), &Known::default()).unwrap();
-        let Status::Undetermined(why) = &found.status else { panic!("{name}: {found:?}") };
-        assert!(why.starts_with("resonance_hz damping_per_s damping_ratio"), "{name}: {why}");
+        assert!(found.status.leaves_open("damping_per_s"), "{name}: {found:?}");
     }
 }
 
@@ -92,7 +91,7 @@ fn other_decays_are_not_called_found() {
 #[test]
 fn a_kind_that_is_stated_is_taken_and_judged() {
     let decay = record(0.05, vec![noisy(let_go(1.2, 0.75, [30.0, 0.0], 0.05, 600), 0.05, 1)]);
-    let gusts = record(0.05, vec![stepped(1.3, 2.0, 30.0, 0.05, 2048, 1)]);
+    let gusts = record(0.05, vec![stepped(1.3, 3.0, 30.0, 0.05, 8192, 1)]);
     for (record, right, wrong) in [(&decay, Kind::FreeDecay, Kind::Gusts), (&gusts, Kind::Gusts, Kind::FreeDecay)] {
         let taken = |kind: Kind| fit(record, &Known { kind, ..Known::default() }).unwrap();
         let [auto, stated, other] = [Kind::Auto, right, wrong].map(taken);
