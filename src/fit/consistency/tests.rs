@@ -23,7 +23,7 @@ impl Copy {
     /// Changes the samples of some channels where the mask says good, or everywhere.
     fn map(&self, file: &str, everywhere: bool, change: impl Fn(&str, f32) -> f32) {
         let path = self.0.path().join(file);
-        let mask = read_exr(&self.0.path().join(&file.replace("_err", ""))).unwrap();
+        let mask = read_exr(&self.0.path().join(file.replace("_err", ""))).unwrap();
         let mask = mask.scalar(Quantity::Mask).unwrap();
         let mut maps = read_exr(&path).unwrap();
         for (name, plane) in &mut maps.channels {
