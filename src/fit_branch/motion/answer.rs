@@ -55,7 +55,8 @@ pub fn choose(
         }
         (Err(no_gusts), Ok(decay)) => {
             // A record too short for gusts is a free decay only where one describes it.
-            if !no_gusts.is_empty() && !(decay.adequacy.describes() && moved(&decay, &cleaned)) {
+            let pulled = decay.adequacy.describes() && moved(&decay, &cleaned);
+            if !(no_gusts.is_empty() || pulled) {
                 return Err(no_gusts);
             }
             let why = if no_gusts.is_empty() { "--kind free-decay".into() } else { format!("no gusts: {no_gusts}") };
