@@ -176,8 +176,8 @@ fn run_page(page: &str, spans: bool) -> [usize; 2] {
             .current_dir(folder.path())
             .output()
             .unwrap();
-        // Leaves are smaller here than on the page, and one page fits a leaf that the model does not describe: a fit or a
-        // report of them may say that they are not good.
+        // Leaves are smaller here than on the page, and one page fits a leaf that the model does not describe: a fit or
+        // a report of them may say that they are not good.
         let judged = ["report", "fit"].contains(words.get(1).unwrap_or(&"")) && output.status.code() == Some(1);
         let judged =
             judged && (words[1] == "report" || String::from_utf8_lossy(&output.stderr).contains("is not good"));

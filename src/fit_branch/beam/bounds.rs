@@ -121,7 +121,7 @@ pub fn impossible(branch: &Branch, load: Load, taper: Known, over_stiffness: Kno
         ));
     }
     let [_, modulus] = [branch.load[0], branch.modulus[0]];
-    if !(SOLID[0]..=SOLID[1]).contains(&modulus) {
+    if modulus.is_finite() && !(SOLID[0]..=SOLID[1]).contains(&modulus) {
         let guess = if modulus > 1e6 { "Pa" } else { "MPa (N/mm2)" };
         let guess = if modulus > 1.0 { format!("; is it in {guess}?") } else { String::new() };
         out.push((&["root_radius_mm"], format!("modulus_gpa is {modulus}, which no branch has{guess}")));

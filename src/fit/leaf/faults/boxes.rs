@@ -1,6 +1,6 @@
 //! Faults of the light box's photographs, and frames that hold too few values.
 
-use super::through::{THROUGH, View, against_frames, energy, fault, turned};
+use super::through::{THROUGH, View, against_frames, energy, fault, moved_box, turned};
 use crate::Result;
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
@@ -60,8 +60,11 @@ pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fa
         }
         out.extend(energy(side, &fitted.mask));
     }
-    if let [front, back] = sides {
-        out.extend(turned(&View::of(front), &View::of(back), m.width, "back/lightbox.exr"));
+    // A photograph that does not fit its own frames does not fit that of the other side either.
+    let known = out.iter().any(|f| ["box-mirrored", "box-shifted"].contains(&f.name.as_str()));
+    if let ([front, back], false) = (sides, known) {
+        let turned = || turned(&View::of(front), &View::of(back), m.width, "back/lightbox.exr");
+        out.extend(moved_box([front, back], m.width).or_else(turned));
     }
     Ok(out)
 }

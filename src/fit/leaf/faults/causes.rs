@@ -61,8 +61,48 @@ pub enum Cause {
     Mirrored,
     /// The surface's lobe is another one.
     Surface(Lobe),
-    /// The light changed evenly by this share over the pass x, y, or both.
-    Drift(Option<Travel>, f64),
+    /// The light changed evenly by this share.
+    Drift(When, f64),
+    /// The light of a pass is this many times that of the other.
+    Level(Travel, f64),
+    /// From this frame on (counted over all passes) the leaf's picture lies this many columns to the right and rows
+    /// upwards.
+    Moved(usize, [f64; 2]),
+}
+
+/// When the light changed. It was, or came to be, the light of the other pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum When {
+    /// From the first frame of a pass on.
+    After(Travel),
+    /// Up to the last frame of a pass.
+    Before(Travel),
+    /// From the first frame of the first pass to the last of the last.
+    Throughout,
+}
+
+impl When {
+    /// The light over what it should be. `at`: the frame within its pass, from 0 to 1; `before` passes of `passes` came
+    /// earlier.
+    fn light(self, change: f64, travel: Travel, at: f64, before: usize, passes: usize) -> f64 {
+        match self {
+            When::After(pass) if pass == travel => 1.0 + change * at,
+            When::Before(pass) if pass == travel => 1.0 - change * (1.0 - at),
+            When::Throughout => 1.0 + change * (before as f64 + at) / passes as f64,
+            _ => 1.0,
+        }
+    }
+}
+
+impl Cause {
+    /// The light over what it should be, as [`When::light`] has it; 1 where the cause has nothing to do with the lamp.
+    pub fn light(self, travel: Travel, at: f64, before: usize, passes: usize) -> f64 {
+        match self {
+            Cause::Drift(when, change) => when.light(change, travel, at, before, passes),
+            Cause::Level(pass, level) if pass == travel => level,
+            _ => 1.0,
+        }
+    }
 }
 
 /// A cause whose amount is open, with a range of amounts to begin with; of a cause without an amount, one entry.

@@ -90,7 +90,7 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
         out.scale.push(if outcome.unexplained { outcome.before.sqrt() } else { 1.0 });
         out.bias.push(outcome.bias);
         if outcome.unexplained {
-            let moved = moved::look(&sample, m.texel_mm);
+            let moved = moved::look(&sample, &trials, m.texel_mm);
             rest.push(moved.unwrap_or_else(|| sentences::unexplained(fitted.side, &outcome)));
         }
         causes.push((fitted.side, outcome));
@@ -107,8 +107,8 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
     out.faults.extend(thickness("thickness_mm", m.thickness_mm, &names));
     out.faults.extend(mirror(capture, sides));
     out.faults.extend(stated_noise(level, &out.noise, sides));
-    // The worst comes first.
-    out.faults.sort_by_key(|f| std::cmp::Reverse(f.grade));
+    // The worst comes first. A back that was not turned is why its images seem mirrored.
+    out.faults.sort_by_key(|f| (std::cmp::Reverse(f.grade), f.name != "back-not-turned"));
     Ok(out)
 }
 

@@ -1,16 +1,21 @@
 //! A leaf that moved. Where its picture is shifted by s texels, the readings differ from the prediction by −s times the
 //! picture's gradient. The shift of every frame is found by least squares, and a step between two frames is looked for,
-//! within a pass or between the passes.
+//! within a pass or between the passes. The fitted texels have taken up a part of the step, so its size is found by
+//! trial.
 
+use super::causes::Cause;
 use super::sample::Sample;
+use super::trials::{EXPLAINS, TEXELS, Trials};
 use mesophyll_record::fault::{Fault, Grade};
 
-/// A step of fewer texels than this does no harm.
-const TEXELS: f64 = 0.25;
 /// A step is one where it is this many of its standard errors.
 const ERRORS: f64 = 8.0;
 /// … and takes away this share of the shifts' squares.
-const EXPLAINS: f64 = 0.3;
+const TAKES: f64 = 0.3;
+/// Fewest texels, with those around them, that tell how far a leaf moved.
+const FEWEST: usize = 20;
+/// A leaf that moved by less than this (texels) does no harm.
+const HARM: f64 = 0.5;
 
 /// Shift of a frame (texels to the right and upwards) and the information about it.
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,7 +45,7 @@ impl Shift {
 }
 
 /// Looks for a step of the leaf's place.
-pub fn look(sample: &Sample, texel_mm: f64) -> Option<Fault> {
+pub fn look(sample: &Sample, trials: &Trials, texel_mm: f64) -> Option<Fault> {
     // Texels with neighbours on all four sides.
     let mut left = vec![None; sample.texels.len()];
     let mut below = vec![None; sample.texels.len()];
@@ -101,10 +106,11 @@ pub fn look(sample: &Sample, texel_mm: f64) -> Option<Fault> {
         .max_by(|a, b| a.0.total_cmp(&b.0))?;
     let step = [b.0[0] - a.0[0], b.0[1] - a.0[1]];
     let error = [0, 1].map(|i: usize| a.2[i].hypot(b.2[i]) * scale.sqrt());
-    let sure = (0..2).any(|i| step[i].abs() > TEXELS && step[i].abs() > ERRORS * error[i]);
-    if !sure || gain < EXPLAINS * (each - free) {
+    let sure = (0..2).any(|i| step[i].abs() > ERRORS * error[i]);
+    if !sure || gain < TAKES * (each - free) {
         return None;
     }
+    let step = shift_from(trials, at)?;
     let side = sample.side.name();
     let (before, after) = (names[at - 1], names[at]);
     let when = if before.0 != after.0 {
@@ -125,4 +131,30 @@ pub fn look(sample: &Sample, texel_mm: f64) -> Option<Fault> {
             step[0].hypot(step[1]) * texel_mm
         ),
     })
+}
+
+/// The shift of the leaf's picture, from a frame on, that explains what no other cause does.
+fn shift_from(trials: &Trials, from: usize) -> Option<[f64; 2]> {
+    let around = |reach: i32| -> Vec<usize> {
+        let inside =
+            |n: &usize| (-reach..=reach).all(|x| (-reach..=reach).all(|y| trials.sample.at(*n, x, y).is_some()));
+        (0..trials.sample.texels.len()).filter(inside).collect()
+    };
+    // A large leaf's sample is made of blocks that are three texels wide.
+    let (reach, inside) = [2, 1].into_iter().map(|r| (r, around(r))).find(|(_, inside)| inside.len() >= FEWEST)?;
+    let chosen: Vec<usize> = inside.iter().copied().step_by(inside.len().div_ceil(TEXELS)).collect();
+    let chi2 = |shift: [f64; 2]| trials.fit_these(&chosen, Cause::Moved(from, shift), 1).chi2;
+    let best = |list: &[[f64; 2]]| {
+        list.iter().map(|s| (chi2(*s), *s)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, [0.0; 2]))
+    };
+    let square = |reach: i32, step: f64, around: [f64; 2], limit: i32| -> Vec<[f64; 2]> {
+        let all = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| [x, y]));
+        let all = all.map(|s| [0, 1].map(|i: usize| around[i] + step * f64::from(s[i])));
+        all.filter(|s| s.iter().all(|v| v.abs() <= f64::from(limit))).collect()
+    };
+    let still = chi2([0.0; 2]);
+    let whole = best(&square(reach, 1.0, [0.0; 2], reach));
+    let (least, shift) = best(&square(1, 0.5, whole.1, reach));
+    let explains = still - least > EXPLAINS * (still - trials.noise);
+    (explains && shift.iter().any(|s| s.abs() >= HARM)).then_some(shift)
 }

@@ -20,6 +20,10 @@ pub type Data = Vec<[[f64; 2]; 3]>;
 pub struct Pass<'a> {
     pub predictor: Predictor,
     pub travel: Travel,
+    /// Passes that came before it.
+    pub before: usize,
+    /// Frames of those passes.
+    pub first: usize,
     pub positions: Vec<f64>,
     pub readings: &'a Readings,
     pub used: &'a [bool],

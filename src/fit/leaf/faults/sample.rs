@@ -29,6 +29,8 @@ pub struct Sample {
     pub noise: Vec<ReadingNoise>,
     /// The sampled texel to the right of each, and the one above it (towards +y).
     pub beside: Vec<[Option<usize>; 2]>,
+    /// Which of the texels lies in a column and row.
+    place: HashMap<[u32; 2], usize>,
     pub passes: Vec<Readings>,
 }
 
@@ -87,12 +89,37 @@ impl Sample {
             noise: level.readings(capture, &texels),
             beside: texels.iter().map(beside).collect(),
             passes: Vec::new(),
+            place,
             texels,
         };
         for pass in &m.passes {
             sample.passes.push(readings(capture, scan, &sample, pass.name, pass.positions())?);
         }
         Ok(Some(sample))
+    }
+
+    /// The sampled texel that lies so many columns to the right of texel `n` and so many rows above it.
+    pub fn at(&self, n: usize, right: i32, up: i32) -> Option<usize> {
+        let [i, j] = self.texels[n];
+        self.place.get(&[i.checked_add_signed(right)?, j.checked_add_signed(-up)?]).copied()
+    }
+
+    /// The readings of frame `k` of a pass where texel `n` lies in a picture that is shifted to the right and upwards,
+    /// between texels by their weights, and the variance of that mean over a reading's. `None` where the sample does
+    /// not reach so far.
+    pub fn shifted(&self, pass: &Readings, n: usize, k: usize, shift: [f64; 2]) -> Option<([f32; 3], f64)> {
+        let (mut sum, mut variance) = ([0.0; 3], 0.0);
+        let [right, up] = shift.map(f64::floor);
+        for (b, a) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let share = |whole: f64, of: f64, next: i32| if next == 1 { of - whole } else { 1.0 - of + whole };
+            let weight = share(right, shift[0], a) * share(up, shift[1], b);
+            if weight > 0.0 {
+                let value = pass.of(self.at(n, right as i32 + a, up as i32 + b)?, k).0;
+                sum.iter_mut().zip(value).for_each(|(s, v)| *s += weight as f32 * v);
+                variance += weight * weight;
+            }
+        }
+        Some((sum, variance))
     }
 
     /// Residual of a reading in units of its noise. The noise is that of the predicted value.

@@ -1,6 +1,6 @@
 //! What the trials and the white frames found, in sentences.
 
-use super::causes::{Cause, Coding};
+use super::causes::{Cause, Coding, When};
 use super::trials::Outcome;
 use super::white::{Amiss, Whites};
 use mesophyll_capture::manifest::Manifest;
@@ -79,6 +79,8 @@ fn name(cause: Cause) -> &'static str {
         Cause::Mirrored => "images-mirrored",
         Cause::Surface(_) => "lobe",
         Cause::Drift(..) => "drift",
+        Cause::Level(..) => "pass-brightness",
+        Cause::Moved(..) => "moved",
     }
 }
 
@@ -117,15 +119,22 @@ fn sentence(cause: Cause, scan: &Scan) -> String {
             let index = lobe.index().map_or(String::new(), |n| format!(" (index {n})"));
             format!("the surface scatters by another law: `--lobe {}`{index} explains the traces", lobe.name())
         }
-        Cause::Drift(travel, a) => format!(
-            "the light {} by {:.0} % from the first to the last frame{}",
+        Cause::Drift(when, a) => format!(
+            "the light {} by {:.0} % {}",
             if a > 0.0 { "grew" } else { "fell" },
             100.0 * a.abs(),
-            match travel {
-                None => " of either pass".to_string(),
-                Some(t) => format!(" of pass {}", t.name()),
+            match when {
+                When::Throughout => "from the first frame of the first pass to the last frame of the last".to_string(),
+                When::After(t) | When::Before(t) => format!("from the first to the last frame of pass {}", t.name()),
             }
         ),
+        Cause::Level(travel, g) => format!(
+            "the light of pass {} is {g:.3} times that of the other pass (another exposure, or a lamp that was changed)",
+            travel.name()
+        ),
+        Cause::Moved(frame, [right, up]) => {
+            format!("the leaf's picture moves by {right:+.1} columns and {up:+.1} rows at frame {frame} of the scan")
+        }
     }
 }
 

@@ -11,6 +11,11 @@ use mesophyll_record::fault::{Fault, Grade};
 /// A picture fits in another place where its correlation is better by this much, and is at least [`ALIKE`].
 const BETTER: f64 = 0.15;
 const ALIKE: f64 = 0.6;
+/// A photograph lies otherwise than its frames where, shifted as the other side's lies to it, their details are more
+/// alike by this many standard errors. If it lay as they do, they would be less alike by many.
+const LIES: f64 = 2.0;
+/// Texels on every side whose mean is taken from a picture, so that its details stay.
+const AROUND: usize = 3;
 /// Steps (texels) that a picture may be shifted by.
 const SHIFTS: i32 = 4;
 /// Front and back transmit alike up to this share.
@@ -130,6 +135,63 @@ impl Pair {
     }
 }
 
+impl Pair {
+    /// A side's frames under the tube, and its photograph on the light box.
+    fn with_frames(fitted: &Fitted, width: usize) -> Pair {
+        let mask = &fitted.measured.mask;
+        let rho_d = fitted.maps.three(Quantity::RhoD);
+        let log = |k: usize| match rho_d {
+            Some(rho_d) if mask[k] => mean_log(rho_d.map(|plane| plane[k]), 2.0),
+            _ => f64::NAN,
+        };
+        let a: Vec<f64> = (0..mask.len()).map(log).collect();
+        let b: Vec<f64> = fitted.measured.rho_t.iter().map(|t| mean_log(*t, 0.9)).collect();
+        Pair { a, b, width }
+    }
+
+    /// The details of both.
+    fn details(&self) -> Pair {
+        Pair { a: details(&self.a, self.width), b: details(&self.b, self.width), width: self.width }
+    }
+
+    /// What comes through the front, and the mirror image of what comes through the back.
+    fn of_sides(front: &View, back: &View, width: usize) -> Pair {
+        let log = |view: &View, k: usize| if view.mask[k] { mean_log(view.through[k], 1.0) } else { f64::NAN };
+        let mirrored = |k: usize| k / width * width + width - 1 - k % width;
+        let places = 0..front.mask.len();
+        Pair {
+            a: places.clone().map(|k| log(front, k)).collect(),
+            b: places.map(|k| log(back, mirrored(k))).collect(),
+            width,
+        }
+    }
+
+    /// By how many standard errors the two are more alike (veins may be dark in one and bright in the other) when the
+    /// second is shifted than at rest.
+    fn gain(&self, shift: [i32; 2]) -> f64 {
+        let fisher = |shift: [i32; 2]| self.correlation(0, shift).abs().min(0.999_99).atanh();
+        let texels = self.a.iter().filter(|v| v.is_finite()).count().max(1) as f64;
+        (fisher(shift) - fisher([0, 0])) * texels.sqrt()
+    }
+}
+
+/// A picture less the mean of the places around each: veins stay, and what changes slowly over the leaf goes.
+fn details(picture: &[f64], width: usize) -> Vec<f64> {
+    let height = picture.len() / width;
+    let around = |k: usize| {
+        let (i, j) = (k % width, k / width);
+        let rows = j.saturating_sub(AROUND)..(j + AROUND + 1).min(height);
+        let columns = i.saturating_sub(AROUND)..(i + AROUND + 1).min(width);
+        let all = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+        let (sum, count) = all
+            .map(|at| picture[at])
+            .filter(|v| v.is_finite())
+            .fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+        sum / count
+    };
+    (0..picture.len()).map(|k| picture[k] - around(k)).collect()
+}
+
 fn mean_log(value: [f32; 3], most: f32) -> f64 {
     let mean = (value[0] + value[1] + value[2]) / 3.0;
     if mean > 0.0 && mean < most { f64::from(mean).ln() } else { f64::NAN }
@@ -137,14 +199,7 @@ fn mean_log(value: [f32; 3], most: f32) -> f64 {
 
 /// The light box compared with the frames under the tube: veins show in both.
 pub fn against_frames(fitted: &Fitted, width: usize) -> Option<Fault> {
-    let rho_d = fitted.maps.three(Quantity::RhoD)?;
-    let mask = &fitted.measured.mask;
-    let log = |k: usize| if mask[k] { mean_log(rho_d.map(|plane| plane[k]), 2.0) } else { f64::NAN };
-    let pair = Pair {
-        a: (0..mask.len()).map(log).collect(),
-        b: fitted.measured.rho_t.iter().map(|t| mean_log(*t, 0.9)).collect(),
-        width,
-    };
+    let pair = Pair::with_frames(fitted, width);
     let side = fitted.side.name();
     // A vein may be darker than the lamina in one picture and brighter in the other.
     let (right, wrong) = (pair.correlation(0, [0, 0]).abs(), pair.correlation(1, [0, 0]).abs());
@@ -161,27 +216,38 @@ pub fn against_frames(fitted: &Fitted, width: usize) -> Option<Fault> {
             ),
         ));
     }
-    let (r, shift) = pair.shift(f64::abs)?;
-    Some(fault(
+    let (_, shift) = pair.shift(f64::abs)?;
+    Some(box_shifted(side, shift))
+}
+
+/// Which of two photographs on the light box lies otherwise than the frames of its side, where front and back do not
+/// fit by a shift: none where the frames do not tell it, or tell that both lie as their frames do.
+pub fn moved_box(sides: [&Fitted; 2], width: usize) -> Option<Fault> {
+    let pair = Pair::of_sides(&View::of(sides[0]), &View::of(sides[1]), width);
+    let [right, up] = pair.shift(|r| r)?.1;
+    // The front's photograph was shifted the other way, or that of the back by as much in its own image.
+    let shifts = [[-right, -up], [-right, up]];
+    let gain = |k: usize| Pair::with_frames(sides[k], width).details().gain(shifts[k]);
+    let k = usize::from(gain(1) > gain(0));
+    (gain(k) > LIES).then(|| box_shifted(sides[k].side.name(), shifts[k]))
+}
+
+fn box_shifted(side: &str, [right, up]: [i32; 2]) -> Fault {
+    fault(
         "box-shifted",
         Grade::Wrong,
         &[side],
         &THROUGH,
         format!(
-            "{side}/lightbox.exr: its veins lie {} columns and {} rows from where the frames have them (correlation \
-             {r:.2} instead of {known:.2}): the leaf lay otherwise on the light box",
-            shift[0], shift[1]
+            "{side}/lightbox.exr: its veins lie {right} columns and {up} rows from where the frames have them: the \
+             leaf lay otherwise on the light box"
         ),
-    ))
+    )
 }
 
 /// Front and back compared by what comes through them. `file`: the back's photograph.
 pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fault> {
-    let n = front.mask.len();
-    let log = |view: &View, k: usize| if view.mask[k] { mean_log(view.through[k], 1.0) } else { f64::NAN };
-    let mirrored = |k: usize| k / width * width + width - 1 - k % width;
-    let pair =
-        Pair { a: (0..n).map(|k| log(front, k)).collect(), b: (0..n).map(|k| log(back, mirrored(k))).collect(), width };
+    let pair = Pair::of_sides(front, back, width);
     let right = pair.correlation(0, [0, 0]);
     let both = ["front", "back"];
     let known = if right.is_finite() { right } else { -1.0 };
@@ -217,7 +283,7 @@ pub fn turned(front: &View, back: &View, width: usize, file: &str) -> Option<Fau
             ),
         ));
     }
-    let apart = median((0..n).map(|k| pair.a[k] - pair.b[k]).filter(|v| v.is_finite()).collect());
+    let apart = median(pair.a.iter().zip(&pair.b).map(|(a, b)| a - b).filter(|v| v.is_finite()).collect());
     (apart.abs() > SIDES).then(|| {
         fault(
             "sides-transmit",

@@ -3,9 +3,9 @@
 //! coding of the frames, a pass in reverse. The cause that explains most of what is left is the likely one, and its
 //! amount is found on the way. Causes that explain it equally well are all named.
 
-use super::causes::{Cause, Coding, Family, device, place};
+use super::causes::{Cause, Coding, Family, When, device, place};
 use super::refit::{Data, PARAMETERS, Pass, descend};
-use super::sample::Sample;
+use super::sample::{Readings, Sample};
 use crate::leaf::held_out::{Predictor, Scratch, Texel};
 use mesophyll_capture::calibrate::white_response;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
@@ -14,17 +14,17 @@ use mesophyll_record::scan::Scan;
 use rayon::prelude::*;
 
 /// Texels that are fitted again.
-const TEXELS: usize = 40;
+pub const TEXELS: usize = 40;
 /// The share of them whose χ² is smallest speaks for the leaf.
 const SPEAK: f64 = 0.8;
 /// A cause is named where it takes away at least this share of what χ² has above the noise.
-const EXPLAINS: f64 = 0.85;
+pub const EXPLAINS: f64 = 0.85;
 /// χ² that is less than this share above the noise is not worth a search.
 const LEAST: f64 = 0.04;
 /// Residuals of a bright reading below this share of it are the precision of the model and of the white frames.
 const PRECISION: f64 = 1e-3;
 /// So many of the causes have their amount refined.
-const REFINED: usize = 5;
+const REFINED: usize = 8;
 /// Causes whose share is smaller than the best one's by no more than this are named beside it.
 const TIE: f64 = 0.04;
 
@@ -61,10 +61,10 @@ pub struct Outcome {
 /// The scan's device and readings, and the texels that are fitted again.
 pub struct Trials<'a> {
     scan: &'a Scan,
-    sample: &'a Sample,
+    pub(super) sample: &'a Sample,
     /// Dark level of each texel, in the camera's values.
     dark: Vec<[f64; 3]>,
-    noise: f64,
+    pub(super) noise: f64,
     chosen: Vec<usize>,
     /// Readings that count: frames by pass.
     used: Vec<Vec<bool>>,
@@ -154,8 +154,7 @@ impl<'a> Trials<'a> {
         let mut list = vec![
             Family::of(Cause::Camera, grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9)),
             Family::of(Cause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])),
-            Family::of(|a| Cause::Drift(None, a), grid(-0.4, 0.4, 7)),
-            Family::of(|a| Cause::Drift(Some(Travel::X), a), grid(-0.4, 0.4, 7)),
+            Family::of(|a| Cause::Drift(When::Throughout, a), grid(-0.4, 0.4, 9)),
             Family::of(|d| Cause::Zero(Travel::X, d), scaled(scan.tube_height_mm, &far)),
             Family::one(Cause::Reversed(true, false)),
             Family::one(Cause::Mirrored),
@@ -175,7 +174,11 @@ impl<'a> Trials<'a> {
             list.push(Family::one(Cause::Reversed(false, true)));
             list.push(Family::one(Cause::Reversed(true, true)));
             list.push(Family::one(Cause::Exchanged));
-            list.push(Family::of(|a| Cause::Drift(Some(Travel::Y), a), grid(-0.4, 0.4, 7)));
+            list.push(Family::of(|a| Cause::Drift(When::After(Travel::X), a), grid(-0.4, 0.4, 9)));
+            list.push(Family::of(|a| Cause::Drift(When::Before(Travel::X), a), grid(-0.4, 0.4, 9)));
+            list.push(Family::of(|a| Cause::Drift(When::After(Travel::Y), a), grid(-0.4, 0.4, 9)));
+            list.push(Family::of(|a| Cause::Drift(When::Before(Travel::Y), a), grid(-0.4, 0.4, 9)));
+            list.push(Family::of(|g| Cause::Level(Travel::Y, g), vec![0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 2.0]));
             list.push(Family::of(|d| Cause::Zero(Travel::Y, d), scaled(scan.tube_height_mm, &far)));
         }
         // The lobes that the tube's vector code has.
@@ -226,10 +229,14 @@ impl<'a> Trials<'a> {
 
     /// Fits every `step`-th of the chosen texels under a cause.
     fn fit(&self, cause: Cause, step: usize) -> Fits {
+        self.fit_these(&self.chosen, cause, step)
+    }
+
+    /// The same for some texels.
+    pub(super) fn fit_these(&self, chosen: &[usize], cause: Cause, step: usize) -> Fits {
         let scan = device(self.scan, cause);
         let passes: Vec<Pass> = self.passes(cause, &scan);
-        let each: Vec<(f64, f64, Texel)> = self
-            .chosen
+        let each: Vec<(f64, f64, Texel)> = chosen
             .par_iter()
             .step_by(step)
             .map_init(Scratch::default, |scratch, &n| self.fit_texel(scratch, n, cause, &scan, &passes))
@@ -266,6 +273,8 @@ impl<'a> Trials<'a> {
                 Pass {
                     predictor: Predictor::new(scan, own.travel, &positions),
                     travel: own.travel,
+                    before: p,
+                    first: self.sample.passes[..p].iter().map(Readings::frames).sum(),
                     positions,
                     readings,
                     used,
@@ -312,7 +321,13 @@ impl<'a> Trials<'a> {
         let moved = place(at, cause, self.scan);
         (0..frames)
             .map(|k| {
-                let measured = readings.measured[n * readings.frames() + k];
+                let (mut measured, mut spread) = (readings.measured[n * readings.frames() + k], 1.0);
+                if let Cause::Moved(from, shift) = cause
+                    && pass.first + k >= from
+                {
+                    (measured, spread) =
+                        self.sample.shifted(readings, n, k, shift).map_or(([f32::NAN; 3], 1.0), |(v, s)| (v, s.sqrt()));
+                }
                 // The white sheet's response as it was taken, and as it is under the cause.
                 let (mut was, mut is) = (1.0, 1.0);
                 if whites {
@@ -323,15 +338,11 @@ impl<'a> Trials<'a> {
                         is = was;
                     }
                 }
-                let drift = match cause {
-                    Cause::Drift(travel, a) if travel.is_none_or(|t| t == pass.travel) => {
-                        1.0 + a * (k as f64 / (frames - 1).max(1) as f64 - 0.5)
-                    }
-                    _ => 1.0,
-                };
+                let at = k as f64 / (frames - 1).max(1) as f64;
+                let light = cause.light(pass.travel, at, pass.before, self.sample.passes.len());
                 std::array::from_fn(|c| {
                     let y = f64::from(measured[c]);
-                    let sd = self.sample.noise[n].variance(c, y.max(0.0)).sqrt();
+                    let sd = spread * self.sample.noise[n].variance(c, y.max(0.0)).sqrt();
                     if !y.is_finite() || !pass.used[k] {
                         return [0.0, 0.0];
                     }
@@ -340,7 +351,7 @@ impl<'a> Trials<'a> {
                     let change = |y: f64| match cause {
                         Cause::Offset(a) => y - a,
                         Cause::Coded(coding) => (coding.linear(y * gain + dark) - dark) / gain,
-                        _ => y * is / was / drift,
+                        _ => y * is / was / light,
                     };
                     // The noise changes with the readings: its slope is that of the change.
                     let slope = (change(y + sd) - change(y - sd)) / (2.0 * sd);
@@ -353,8 +364,10 @@ impl<'a> Trials<'a> {
     }
 }
 
-struct Fits {
-    chi2: f64,
+/// Texels that were fitted again.
+pub(super) struct Fits {
+    /// Reduced.
+    pub chi2: f64,
     freedom: f64,
     texels: Vec<Texel>,
 }

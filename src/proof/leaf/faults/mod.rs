@@ -1,23 +1,26 @@
 //! Faults of a measurement, each put into the files of a clean synthetic scan, with the name that the fit must give it.
-//! A verdict is `noticed: NAME: SENTENCE`, `refused: …`, or `ok` where nothing was noticed. Where `noticed: ` alone is
-//! expected, the verdict drops, but another cause with the same traces may be named.
+//! A verdict is `noticed: NAME: SENTENCE`, `refused: …`, or `ok` where nothing was noticed.
+
+mod put;
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_capture::synth::leaf::Leaf;
-use mesophyll_capture::synth::random::Stream;
 use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Model, Spec};
-use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll_files::image::read_exr;
 use mesophyll_fit::leaf::{self, Options};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 use mesophyll_record::maker::Outcome;
+use put::{
+    both_sides, change, every, exchange, exchange_ends, flip, frame, manifest, noisy, put, reverse, scale, shift, srgb,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The leaf of the scans.
-const LEAF: &str = include_str!("../../../data/leaves/balata.toml");
+const LEAF: &str = include_str!("../../../../data/leaves/balata.toml");
 /// Frames a pass, and of the scans with few stops.
 const FRAMES: usize = 40;
 const FEW: usize = 22;
@@ -86,15 +89,17 @@ fn faults() -> Vec<Fault> {
             both_sides(|side| reverse(&c.join(side).join("y")))
         }),
         fault("frames of passes x and y exchanged", "noticed: passes-exchanged", |c| {
-            both_sides(|side| swap(&c.join(side).join("x"), &c.join(side).join("y")))
+            both_sides(|side| exchange(&c.join(side).join("x"), &c.join(side).join("y")))
         }),
         fault("white frames of passes x and y exchanged", "noticed: passes-exchanged", |c| {
-            swap(&c.join("white/x"), &c.join("white/y"))
+            exchange(&c.join("white/x"), &c.join("white/y"))
         }),
         fault("dark frame missing", "noticed: dark-level", |c| {
             std::fs::remove_file(c.join("dark.exr")).map_err(|e| Error::write(c, e))
         }),
-        fault("dark level taken off twice", "ok", |c| every(c, "", |v| v - 0.002)),
+        fault("dark level taken off before, and again by dark.exr", "noticed: dark-level", |c| {
+            ["front", "back", "white"].iter().try_for_each(|folder| every(c, folder, |v| v - 0.002))
+        }),
         fault("light in the room: 0.01", "noticed: stray-light", |c| {
             both_sides(|side| ["x", "y"].iter().try_for_each(|pass| every(&c.join(side), pass, |v| v + 0.01)))
         }),
@@ -106,18 +111,21 @@ fn faults() -> Vec<Fault> {
             every(c, "", |v| v.max(0.0).powf(1.0 / 2.2))
         }),
         fault("frames of 8 bits", "noticed: few-values", |c| every(c, "", |v| (v * 255.0).round() / 255.0)),
-        fault("light falls by 15 % over pass x", "noticed: ", |c| {
+        fault("light falls by 15 % over pass x", "noticed: drift", |c| {
             both_sides(|side| {
                 (0..FRAMES).try_for_each(|k| {
                     change(&frame(c, side, "x", k), |v| v * (1.0 - 0.15 * k as f32 / (FRAMES - 1) as f32))
                 })
             })
         }),
-        fault("leaf moved within pass x", "noticed: ", |c| {
+        fault("pass y brighter by 10 %", "noticed: pass-brightness", |c| {
+            both_sides(|side| every(&c.join(side), "y", |v| 1.1 * v))
+        }),
+        fault("leaf moved within pass x", "noticed: moved", |c| {
             (18..FRAMES).try_for_each(|k| shift(&frame(c, "front", "x", k), [1, 0]))?;
             (0..FRAMES).try_for_each(|k| shift(&frame(c, "front", "y", k), [1, 0]))
         }),
-        fault("leaf moved between the passes", "noticed: ", |c| {
+        fault("leaf moved between the passes", "noticed: moved", |c| {
             (0..FRAMES).try_for_each(|k| shift(&frame(c, "front", "y", k), [1, 1]))
         }),
         fault("leaf moved between the sides", "noticed: back-shifted", |c| {
@@ -126,7 +134,7 @@ fn faults() -> Vec<Fault> {
                 .iter()
                 .try_for_each(|pass| (0..FRAMES).try_for_each(|k| shift(&frame(c, "back", pass, k), [2, 1])))
         }),
-        fault("back not turned", "noticed: images-mirrored", |c| {
+        fault("back not turned", "noticed: back-not-turned", |c| {
             flip(&c.join("back/lightbox.exr"))?;
             ["x", "y"].iter().try_for_each(|pass| (0..FRAMES).try_for_each(|k| flip(&frame(c, "back", pass, k))))
         }),
@@ -148,7 +156,9 @@ fn faults() -> Vec<Fault> {
         fault("empty box darker by 10 %", "noticed: box-exposure", |c| {
             change(&c.join("lightbox_empty.exr"), |v| 0.9 * v)
         }),
-        fault("leaf moved between tube and light box", "noticed: ", |c| shift(&c.join("front/lightbox.exr"), [2, 0])),
+        fault("leaf moved between tube and light box", "noticed: box-shifted", |c| {
+            shift(&c.join("front/lightbox.exr"), [2, 0])
+        }),
         fault("white frames missing, gains near 1", "ok", |c| {
             // Nothing in the readings tells their unit while ρd + ρt stays below 1.
             std::fs::remove_dir_all(c.join("white")).map_err(|e| Error::write(c, e))
@@ -254,134 +264,6 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-fn frame(capture: &Path, side: &str, pass: &str, k: usize) -> PathBuf {
-    capture.join(side).join(pass).join(format!("{k:04}.exr"))
-}
-
-fn both_sides(put: impl Fn(&str) -> Result<()>) -> Result<()> {
-    ["front", "back"].into_iter().try_for_each(put)
-}
-
-fn put(path: &Path, maps: &Maps) -> Result<()> {
-    write_exr(path, maps, Packing::Raw)
-}
-
-/// Changes every value of a picture.
-fn change(path: &Path, to: impl Fn(f32) -> f32) -> Result<()> {
-    let mut maps = read_exr(path)?;
-    maps.channels.iter_mut().flat_map(|c| &mut c.1).for_each(|v| *v = to(*v));
-    put(path, &maps)
-}
-
-/// Changes every photograph below a folder (its truth and mask stay).
-fn every(folder: &Path, below: &str, to: fn(f32) -> f32) -> Result<()> {
-    let folder = folder.join(below);
-    let entries = std::fs::read_dir(&folder).map_err(|e| Error::write(&folder, e))?;
-    for path in entries.flatten().map(|e| e.path()) {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if path.is_dir() && name != "truth" {
-            every(&path, "", to)?;
-        } else if name.ends_with(".exr") && name != "mask.exr" {
-            change(&path, to)?;
-        }
-    }
-    Ok(())
-}
-
-fn srgb(v: f32) -> f32 {
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-}
-
-fn exchange(a: &Path, b: &Path) -> Result<()> {
-    let aside = a.with_extension("aside");
-    [(a, aside.as_path()), (b, a), (&aside, b)]
-        .into_iter()
-        .try_for_each(|(from, to)| std::fs::rename(from, to).map_err(|e| Error::write(to, e)))
-}
-
-/// The same for folders.
-fn swap(a: &Path, b: &Path) -> Result<()> {
-    exchange(a, b)
-}
-
-/// Turns the order of the frames in a folder round.
-fn reverse(folder: &Path) -> Result<()> {
-    let path = |k: usize| folder.join(format!("{k:04}.exr"));
-    (0..FRAMES / 2).try_for_each(|k| exchange(&path(k), &path(FRAMES - 1 - k)))
-}
-
-/// Shifts a picture by columns to the right and rows upwards; what comes in is the border's.
-fn shift(path: &Path, [right, up]: [i64; 2]) -> Result<()> {
-    let mut maps = read_exr(path)?;
-    let (w, h) = (maps.width as i64, maps.height as i64);
-    for (_, values) in &mut maps.channels {
-        let old = values.clone();
-        for j in 0..h {
-            for i in 0..w {
-                let (x, y) = ((i - right).clamp(0, w - 1), (j + up).clamp(0, h - 1));
-                values[(j * w + i) as usize] = old[(y * w + x) as usize];
-            }
-        }
-    }
-    put(path, &maps)
-}
-
-/// Mirrors a picture left to right.
-fn flip(path: &Path) -> Result<()> {
-    let mut maps = read_exr(path)?;
-    let width = maps.width;
-    maps.channels.iter_mut().for_each(|c| c.1.chunks_mut(width).for_each(<[f32]>::reverse));
-    put(path, &maps)
-}
-
-/// The same picture taken once more: its noise is another one, so that of both together is √2 times as large.
-fn noisy(mut maps: Maps, seed: u64) -> Maps {
-    let mut stream = Stream::new(seed, &[0xfa]);
-    for v in maps.channels.iter_mut().flat_map(|c| &mut c.1) {
-        *v += (stream.normal_pair()[0] * (0.01 * f64::from(*v)).hypot(5e-4)) as f32;
-    }
-    maps
-}
-
-/// Sets a number of capture.toml; `table.field` for one of a table.
-fn manifest(capture: &Path, field: &str, value: f64) -> Result<()> {
-    edit(capture, field, |_| value)
-}
-
-fn scale(capture: &Path, field: &str, by: f64) -> Result<()> {
-    edit(capture, field, |v| v * by)
-}
-
-fn edit(capture: &Path, field: &str, to: impl Fn(f64) -> f64) -> Result<()> {
-    with_manifest(capture, |table| {
-        let (inner, name) = match field.split_once('.') {
-            Some((outer, name)) => (table.get_mut(outer).and_then(toml::Value::as_table_mut)?, name),
-            None => (table, field),
-        };
-        let old = inner.get(name)?.as_float()?;
-        inner.insert(name.into(), toml::Value::Float(to(old)));
-        Some(())
-    })
-}
-
-fn exchange_ends(capture: &Path) -> Result<()> {
-    with_manifest(capture, |table| {
-        let pass = table.get_mut("pass")?.as_array_mut()?.first_mut()?.as_table_mut()?;
-        let (a, b) = (pass.get("start_mm")?.clone(), pass.get("end_mm")?.clone());
-        pass.insert("start_mm".into(), b);
-        pass.insert("end_mm".into(), a);
-        Some(())
-    })
-}
-
-fn with_manifest(capture: &Path, change: impl FnOnce(&mut toml::Table) -> Option<()>) -> Result<()> {
-    let path = capture.join("capture.toml");
-    let text = std::fs::read_to_string(&path).map_err(|e| Error::write(&path, e))?;
-    let mut table: toml::Table = text.parse().map_err(|e| Error::toml(&path, &text, &e))?;
-    change(&mut table).ok_or_else(|| Error::input(&path, "no such field to put a fault into"))?;
-    std::fs::write(&path, table.to_string()).map_err(|e| Error::write(&path, e))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -389,7 +271,15 @@ mod tests {
     /// A few of the table, one of every kind of evidence. `stress leaf` runs all.
     #[test]
     fn faults_get_their_names() {
-        for word in ["few stops", "one frame times 1.5", "two frames exchanged", "thickness_mm 15"] {
+        let words = [
+            "few stops",
+            "one frame times 1.5",
+            "two frames exchanged",
+            "thickness_mm 15",
+            "light falls",
+            "leaf moved",
+        ];
+        for word in words {
             for row in rows(word).unwrap() {
                 assert!(row.passed(), "{row:?}");
             }
