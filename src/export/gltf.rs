@@ -86,6 +86,7 @@ pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
     root["extensionsUsed"] = json!(used);
     file.write(path, root)?;
     let mut unsaid = shown.left_out.clone();
+    unsaid.extend(shown.unsaid_exposure().filter(|_| scene));
     if scene && !matches!(shown.sky, Sky::None) {
         unsaid.push(
             "the sky's light, for which the format has no core light; the reader's environment takes its place".into(),
@@ -241,6 +242,8 @@ fn nodes(root: &mut Value, shown: &Shown) {
             "aspectRatio": shown.size[0] as f64 / shown.size[1] as f64,
             "znear": 0.001,
         },
+        // The format has no exposure.
+        "extras": {"exposure_stops": shown.stops()},
     }]);
     let half = 0.5f64.sqrt();
     all[0] = json!({

@@ -2,7 +2,9 @@
 //!
 //! The leaf is a thin wall (`geometry_thin_walled`) of which all is `subsurface`: one colour, and one ratio of forward
 //! to backward scattering, `subsurface_scatter_anisotropy`. Each side has its own, as `surfaceshader` and
-//! `backsurfaceshader`. In the reference graph of OpenPBR the colour enters twice, so its square root is written.
+//! `backsurfaceshader`. The specification takes the colour once. The graph of OpenPBR in MaterialX up to 1.39.5 takes it
+//! twice (mended in its pull request 3066), so its square root is written for those. Which of them a reader has, the
+//! library tells that its search path names.
 
 use crate::Result;
 use crate::coat::{Coat, Lost, Paint, Textures, coats};
@@ -13,6 +15,65 @@ use mesophyll_optics::side::Side;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+/// Variables that name MaterialX's libraries: its own, and OpenUSD's.
+const SEARCH_PATHS: [&str; 2] = ["MATERIALX_SEARCH_PATH", "PXR_MTLX_STDLIB_SEARCH_PATHS"];
+
+/// How often a reader's OpenPBR multiplies by the colour of a thin wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Taken {
+    Once,
+    Twice,
+}
+
+impl Taken {
+    /// That of the first library on the search paths, with its file. Without one, that of the released versions.
+    fn of_reader() -> (Taken, Option<PathBuf>) {
+        let folders = SEARCH_PATHS.iter().filter_map(std::env::var_os);
+        let folders: Vec<PathBuf> = folders.flat_map(|list| std::env::split_paths(&list).collect::<Vec<_>>()).collect();
+        let files = folders.iter().flat_map(|folder| {
+            ["bxdf", "libraries/bxdf"].map(|below| folder.join(below).join("open_pbr_surface.mtlx"))
+        });
+        let read = |file: PathBuf| Some((Taken::of_graph(&std::fs::read_to_string(&file).ok()?)?, Some(file)));
+        files.into_iter().find_map(read).unwrap_or((Taken::Twice, None))
+    }
+
+    /// What a graph of OpenPBR says: the factor of its thin wall's reflection holds the colour, or does not. `None`
+    /// where it has no thin wall.
+    fn of_graph(text: &str) -> Option<Taken> {
+        let wall = text.find("\"subsurface_thin_walled_reflection\"")?;
+        let Some(at) = text.find("\"subsurface_thin_walled_brdf_factor\"").filter(|at| *at < wall) else {
+            return Some(Taken::Once);
+        };
+        let node = text[at..].split("</multiply>").next().unwrap_or_default();
+        Some(if node.contains("\"subsurface_color") { Taken::Twice } else { Taken::Once })
+    }
+
+    /// The number to write for a colour.
+    fn coded(self, colour: f64) -> f64 {
+        if self == Taken::Twice { colour.sqrt() } else { colour }
+    }
+
+    /// For whom the file is.
+    fn says(self, library: Option<&Path>) -> String {
+        match (self, library) {
+            (Taken::Twice, None) => format!(
+                "readers whose OpenPBR takes the colour of a thin wall once, as its specification says (MaterialX after \
+                 1.39.5): they show the leaf too bright; name their library in {}",
+                SEARCH_PATHS[0]
+            ),
+            (Taken::Twice, Some(file)) => format!(
+                "readers whose OpenPBR takes the colour of a thin wall once: the file is for {}, which takes it twice",
+                file.display()
+            ),
+            (Taken::Once, file) => format!(
+                "readers whose OpenPBR takes the colour of a thin wall twice (MaterialX up to 1.39.5): the file is for \
+                 {}, which takes it once",
+                file.map_or("later ones".into(), |f| f.display().to_string())
+            ),
+        }
+    }
+}
+
 /// Writes the folder; returns its files and what is lost.
 ///
 /// # Errors
@@ -21,11 +82,13 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     let coats = coats(shown, Target::OpenPbr);
     let mut textures = Textures::new(folder);
     let mut text = String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" colorspace=\"lin_rec709\">\n");
+    let (taken, library) = Taken::of_reader();
     for coat in &coats {
-        material(&mut text, coat, &mut textures)?;
+        material(&mut text, coat, taken, &mut textures)?;
     }
     text.push_str("</materialx>\n");
     let mut unsaid = shown.left_out.clone();
+    unsaid.push(taken.says(library.as_deref()));
     unsaid.push("shapes, places, camera and light: the file holds materials, --to usd holds the scene".into());
     let lost = Lost::new("materialx", &coats, &unsaid);
     let path = folder.join("leaf.mtlx");
@@ -66,14 +129,14 @@ fn input(nodes: &mut String, name: &str, input: &str, kind: &str, paint: &Paint)
     }
 }
 
-fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> {
+fn material(text: &mut String, coat: &Coat, taken: Taken, textures: &mut Textures) -> Result<()> {
     let sheet = coat.sheet;
     for side in Side::ALL {
         let of = |k: usize| -> &Coded { &coat.coded[k][side] };
         let name = format!("{}_{}", sheet.name, side.name());
         let what = |w: &str| format!("{}_{w}", side.name());
         let (mut nodes, mut inputs) = (String::new(), String::new());
-        let colour = textures.colour(sheet, &what("subsurface"), |k| of(k).diffuse)?;
+        let colour = textures.colour(sheet, &what("subsurface"), |k| of(k).diffuse.map(|c| taken.coded(c)))?;
         let ratio = textures.colour(sheet, &what("anisotropy"), |k| [of(k).share; 3])?;
         inputs += &input(&mut nodes, &name, "subsurface_color", "color3", &colour);
         inputs += &input(&mut nodes, &name, "subsurface_scatter_anisotropy", "float", &ratio);
@@ -113,4 +176,28 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
         sheet.name
     );
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Graphs of the two kinds, as short as they can be.
+    #[test]
+    fn a_graph_says_how_often_it_takes_the_colour() {
+        let graph = |factor: &str| {
+            format!(
+                "<nodegraph><multiply name=\"subsurface_thin_walled_brdf_factor\" type=\"color3\">\n<input \
+                 name=\"in1\" type=\"color3\" {factor} /></multiply><multiply \
+                 name=\"subsurface_thin_walled_reflection\" type=\"BSDF\"><input interfacename=\"subsurface_color\" \
+                 /></multiply></nodegraph>"
+            )
+        };
+        assert_eq!(Taken::of_graph(&graph("interfacename=\"subsurface_color\"")), Some(Taken::Twice));
+        assert_eq!(Taken::of_graph(&graph("nodename=\"one_minus_anisotropy\"")), Some(Taken::Once));
+        let plain = "<multiply name=\"subsurface_thin_walled_reflection\"></multiply>";
+        assert_eq!(Taken::of_graph(plain), Some(Taken::Once));
+        assert_eq!(Taken::of_graph("<materialx />"), None);
+        assert_eq!((Taken::Twice.coded(0.25), Taken::Once.coded(0.25)), (0.5, 0.25));
+    }
 }

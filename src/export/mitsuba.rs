@@ -44,6 +44,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     places(&mut text, shown);
     text.push_str("</scene>\n");
     let mut unsaid = shown.left_out.clone();
+    unsaid.extend(shown.unsaid_exposure());
     if shown.sun.is_some() {
         unsaid.push("the sun's disk: its light comes from one direction, so that shadows have no penumbra".into());
     }

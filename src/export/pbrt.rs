@@ -76,6 +76,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
         }
     }
     let mut unsaid = shown.left_out.clone();
+    unsaid.extend(shown.unsaid_exposure());
     if coats.iter().any(|coat| coat.leaf) {
         unsaid.push("two sides that differ: a material of pbrt is the same on both, and is the mean".into());
     }

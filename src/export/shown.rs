@@ -35,6 +35,8 @@ pub struct Shown {
     pub size: [usize; 2],
     /// Camera paths for each pixel.
     pub samples: u32,
+    /// What radiance is multiplied by before it is shown.
+    pub exposure: f64,
     /// What is in the scene and in no export, a sentence each.
     pub left_out: Vec<String>,
 }
@@ -230,6 +232,22 @@ fn parts_of_fit(folder: &Path, side: &SideMaps) -> Result<Vec<Part>> {
 }
 
 impl Shown {
+    /// The exposure in stops: powers of two that multiply radiance.
+    pub fn stops(&self) -> f64 {
+        self.exposure.log2()
+    }
+
+    /// What is said of the exposure where a format has no place for it; nothing where it is 1.
+    pub fn unsaid_exposure(&self) -> Option<String> {
+        (self.exposure != 1.0).then(|| {
+            format!(
+                "the exposure: the scene is shown {} times as bright as its light is ({:+.2} stops); set it in the reader",
+                self.exposure,
+                self.stops()
+            )
+        })
+    }
+
     /// A fitted leaf on its own: seen from above at a slant, under a sun and an even sky.
     ///
     /// # Errors
@@ -254,6 +272,7 @@ impl Shown {
             },
             size: [800, 600],
             samples: 64,
+            exposure: 1.0,
             left_out: Vec::new(),
         })
     }
@@ -301,6 +320,7 @@ impl Shown {
             camera,
             size,
             samples: 64,
+            exposure: world.exposure,
             left_out,
         }
     }

@@ -197,8 +197,10 @@ fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<(
         float horizontalAperture = {}
         float verticalAperture = {height}
         float2 clippingRange = (1, 1e7)
+        float exposure = {}
 {}    }}"#,
         height * aspect,
+        shown.stops(),
         transform(&crate::gltf::looking(c.eye, c.target, c.up))
     );
     if let Some(sun) = &shown.sun {

@@ -198,7 +198,7 @@ impl Coder {
         let phi = 0.5 * (2.0 * rt).atan2(rr - tt);
         let (cos, sin) = (phi.cos().max(0.0), phi.sin().max(0.0));
         let sum = (cos + sin).max(1e-12);
-        let colour = [0, 1, 2].map(|c| ((cos * r[c] + sin * t[c]) * sum).clamp(0.0, 1.0).sqrt());
+        let colour = [0, 1, 2].map(|c| ((cos * r[c] + sin * t[c]) * sum).clamp(0.0, 1.0));
         Coded { diffuse: colour, share: (sin - cos) / sum, gloss: n.colour, alpha: n.alpha, ..Coded::default() }
     }
 
@@ -230,8 +230,8 @@ impl Coder {
                 under: Under::Added,
             },
             Target::OpenPbr => Seen {
-                diffuse: c.diffuse.map(|d| d * d * 0.5 * (1.0 - c.share)),
-                through: c.diffuse.map(|d| d * d * 0.5 * (1.0 + c.share)),
+                diffuse: c.diffuse.map(|d| d * 0.5 * (1.0 - c.share)),
+                through: c.diffuse.map(|d| d * 0.5 * (1.0 + c.share)),
                 under: Under::Albedo,
                 ..plain
             },

@@ -211,6 +211,31 @@ print(json.dumps([[kinds.count('ShaderNodeBsdf' + k) for k in ('Diffuse', 'Trans
 }
 
 /// pbrt's file names only materials and textures that it declares before, and files that are there.
+/// Three stops darker than the light is: Blender and USD are told, the others' lists of what is lost name it.
+#[test]
+fn an_exposure_goes_along_or_is_named() {
+    let dark = Shown { exposure: 0.125, ..shown(Lobe::Beckmann) };
+    let folder = tempfile::tempdir().unwrap();
+    let write = |format: Format, name: &str, file: &str| {
+        let path = folder.path().join(name);
+        let lost = assemble(&dark, format, &path, true, &[]).unwrap().lost.unwrap();
+        let text = std::fs::read(if file.is_empty() { path } else { path.join(file) }).unwrap();
+        (String::from_utf8_lossy(&text).into_owned(), lost.lines.join("\n"))
+    };
+    let (script, lost) = write(Format::Blender, "blender", "scene.py");
+    assert!(script.contains("\\\"stops\\\":-3.0") && script.contains("view_settings.exposure = DATA[\"stops\"]"));
+    assert!(!lost.contains("stops"), "{lost}");
+    let (text, lost) = write(Format::Usd, "usd", "scene.usda");
+    assert!(text.contains("float exposure = -3") && !lost.contains("stops"), "{lost}");
+    for (format, name, file) in
+        [(Format::Mitsuba, "m", "scene.xml"), (Format::Pbrt, "p", "scene.pbrt"), (Format::GltfTranslucent, "g.glb", "")]
+    {
+        let (text, lost) = write(format, name, file);
+        assert!(lost.contains("-3.00 stops"), "{name}: {lost}");
+        assert!(name != "g.glb" || text.contains("\"exposure_stops\":-3.0"));
+    }
+}
+
 #[test]
 fn pbrt_declares_what_it_names() {
     let folder = tempfile::tempdir().unwrap();

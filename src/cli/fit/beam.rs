@@ -6,7 +6,7 @@ use crate::{Common, batch, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::say;
-use mesophyll_files::table::{self, BatchIo, Spec, Table};
+use mesophyll_files::table::{self, BatchIo, Sink, Spec, Table};
 use mesophyll_fit_branch::beam::measured::Along;
 use mesophyll_fit_branch::beam::record::Asked;
 use mesophyll_fit_branch::beam::{self, basis, deflections, record};
@@ -127,10 +127,11 @@ fn basis_to(folder: &Path, common: &Common) -> Result<()> {
 
 fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path>, common: &Common) -> Result<u8> {
     deflections::check_noise(args.noise)?;
+    let sink = Sink::open(&io.rows(common.json), path)?;
     let (branches, fits) =
         record::branches_to(path, folder, args.noise, Asked { along: args.positions, load: args.load })?;
     deflections::notes(&branches, &fits, args.load).into_iter().for_each(say);
-    let tally = deflections::write(&branches, &fits, path, &io.rows(common.json))?;
+    let tally = deflections::write(&branches, &fits, sink)?;
     batch::say_tally(&tally, io, common, "branch")?;
     Ok(0)
 }

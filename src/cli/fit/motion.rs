@@ -86,8 +86,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         noise: args.noise,
         band: [args.lowest, args.highest],
     };
-    let found = motion::fit(&record, &known);
     let mut sink = Sink::open(&args.io.rows(common.json), &args.io.input)?;
+    let found = motion::fit(&record, &known);
     sink.write_all(format!("{}\n", COLUMNS.join(",")).as_bytes())?;
     let (cells, kind, mut taken_out, status) = match &found {
         Ok(motion) => (cells(motion, &known), motion.kind.to_string(), motion.taken_out.clone(), motion.status.clone()),
@@ -113,7 +113,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !taken_out.is_empty() {
         say(format!("taken out: {}", taken_out.join("; ")));
     }
-    Ok(0)
+    match status {
+        Status::Refused(_) => Err(Error::Missed("the record was refused; the column status says why".into())),
+        _ => Ok(0),
+    }
 }
 
 /// What a motion was taken for, and why.

@@ -17,11 +17,10 @@
 
 use super::measured::{Along, Branch, Measured, Reading, fit};
 use crate::{Error, Result};
-use mesophyll_files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
+use mesophyll_files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
 use mesophyll_plant::load::Load;
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::path::Path;
 
 /// Output columns, before `status`.
 pub const OUTPUTS: [&str; 12] = [
@@ -185,16 +184,11 @@ pub fn notes(branches: &[Named], fits: &[std::result::Result<Measured, String>],
     notes
 }
 
-/// Writes a row a branch of what was read from `input`.
+/// Writes a row a branch.
 ///
 /// # Errors
-/// [`Error::Write`] where the output cannot be written, [`Error::Usage`] where it is the input.
-pub fn write(
-    branches: &[Named],
-    fits: &[std::result::Result<Measured, String>],
-    input: &Path,
-    output: &Output,
-) -> Result<Tally> {
+/// [`Error::Write`] where the output cannot be written.
+pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], mut sink: Sink) -> Result<Tally> {
     let mut bytes = format!("branch,{},status\n", OUTPUTS.join(",")).into_bytes();
     let mut tally = Tally::new(&OUTPUTS);
     for (Named { name, .. }, result) in branches.iter().zip(fits) {
@@ -212,7 +206,6 @@ pub fn write(
         push_text(&mut bytes, &status.to_string());
         bytes.push(b'\n');
     }
-    let mut sink = Sink::open(output, input)?;
     sink.write_all(&bytes)?;
     sink.finish()?;
     Ok(tally)

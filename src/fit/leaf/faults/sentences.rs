@@ -129,7 +129,7 @@ fn sentence(cause: Cause, scan: &Scan) -> String {
             }
         ),
         Cause::Level(travel, g) => format!(
-            "the light of pass {} is {g:.3} times that of the other pass (another exposure, or a lamp that was changed)",
+            "the light of pass {} is {g:.3} times that of the other pass (another exposure, or another lamp)",
             travel.name()
         ),
         Cause::Moved(frame, [right, up]) => {
