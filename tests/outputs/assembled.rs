@@ -220,7 +220,7 @@ fn an_exposure_goes_along_or_is_named() {
         let path = folder.path().join(name);
         let lost = assemble(&dark, format, &path, true, &[]).unwrap().lost.unwrap();
         let text = std::fs::read(if file.is_empty() { path } else { path.join(file) }).unwrap();
-        (String::from_utf8_lossy(&text).into_owned(), lost.lines.join("\n"))
+        (String::from_utf8_lossy(&text).into_owned(), lost.lines().join("\n"))
     };
     let (script, lost) = write(Format::Blender, "blender", "scene.py");
     assert!(script.contains("\\\"stops\\\":-3.0") && script.contains("view_settings.exposure = DATA[\"stops\"]"));
