@@ -2,8 +2,8 @@
 //!
 //! The leaf is a thin wall (`geometry_thin_walled`) of which all is `subsurface`: one colour, and one ratio of forward
 //! to backward scattering, `subsurface_scatter_anisotropy`. Each side has its own, as `surfaceshader` and
-//! `backsurfaceshader`. The specification takes the colour once. The graph of OpenPBR in MaterialX up to 1.39.5 takes it
-//! twice (mended in its pull request 3066), so its square root is written for those. Which of them a reader has, the
+//! `backsurfaceshader`. The specification takes the colour once. The graph of OpenPBR in MaterialX up to 1.39.5 takes
+//! it twice (mended in its pull request 3066), so its square root is written for those. Which of them a reader has, the
 //! library tells that its search path names.
 
 use crate::Result;
@@ -57,8 +57,8 @@ impl Taken {
     fn says(self, library: Option<&Path>) -> String {
         match (self, library) {
             (Taken::Twice, None) => format!(
-                "readers whose OpenPBR takes the colour of a thin wall once, as its specification says (MaterialX after \
-                 1.39.5): they show the leaf too bright; name their library in {}",
+                "readers whose OpenPBR takes the colour of a thin wall once, as its specification says (MaterialX \
+                 beyond 1.39.5): they show the leaf too bright; name their library in {}",
                 SEARCH_PATHS[0]
             ),
             (Taken::Twice, Some(file)) => format!(

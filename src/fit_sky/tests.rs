@@ -18,7 +18,7 @@ fn fitted(method: Method) -> Fitted {
 
 #[test]
 fn the_two_tiers_meet_their_targets_in_f32() {
-    // README.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes. An error a fifth larger would
+    // docs/fits.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes. An error a fifth larger would
     // mean another fit.
     for (method, target, bytes) in [(Method::Compact, 1.3e-5, 26_880), (Method::Fine, 4.9e-6, 41_664)] {
         let fit = fitted(method);

@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn four_smooth_coefficients_stay_within_the_stated_share_of_the_tip() {
-        // README.md says .35 % over all tapers; the last digit is rounded.
+        // docs/fits.md says .35 % over all tapers; the last digit is rounded.
         let (smooth, fit) = smooth();
         let (worst, at) = fit.worst();
         println!(
@@ -235,7 +235,7 @@ mod tests {
             }
         }
         println!("worst length error {:.1e} (α = {:.1e}, tip {} L)", worst.0, worst.1, worst.2);
-        // README.md says .013 %.
+        // docs/fits.md says .013 %.
         assert!(worst.0 < 1.4e-4);
     }
 

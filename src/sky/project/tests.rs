@@ -89,7 +89,7 @@ fn more_nodes_change_nothing() {
                     continue;
                 }
                 let e = off(&direct(&sky, bands), &Rule::new(s, bands, Quality::Checked).project(&sky));
-                // README.md says 2e-11 of the mean for the seven bands of the fits; it is reached where the low sun's
+                // docs/fits.md says 2e-11 of the mean for the seven bands of the fits; it is reached where a low sun's
                 // rule begins.
                 assert!(e < if bands == 7 { 2e-11 } else { 1e-10 }, "θs {s} τ {t} N {bands}: {e:.1e}");
             }
