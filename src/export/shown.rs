@@ -241,7 +241,7 @@ impl Shown {
     pub fn unsaid_exposure(&self) -> Option<String> {
         (self.exposure != 1.0).then(|| {
             format!(
-                "the exposure: the scene is shown {} times as bright as its light is ({:+.2} stops); set it in the reader",
+                "the exposure: the scene is shown {} times as bright as its light ({:+.2} stops); set it in the reader",
                 self.exposure,
                 self.stops()
             )
