@@ -106,6 +106,7 @@ def build():
     scene.cycles.pixel_filter_type = "BOX"
     scene.render.resolution_x, scene.render.resolution_y = DATA["size"]
     scene.view_settings.view_transform = "Standard"
+    scene.view_settings.exposure = DATA["stops"]
 
 
 build()

@@ -49,6 +49,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     });
     let data = json!({
         "materials": materials, "sky": sky, "sun": sun, "size": shown.size, "samples": shown.samples,
+        "stops": shown.stops(),
     });
     let glb = folder.join("scene.glb");
     gltf::write(shown, &glb, Kind::Bare)?;

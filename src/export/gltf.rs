@@ -86,6 +86,7 @@ pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
     root["extensionsUsed"] = json!(used);
     file.write(path, root)?;
     let mut unsaid = shown.left_out.clone();
+    unsaid.extend(shown.without_exposure());
     if scene && !matches!(shown.sky, Sky::None) {
         unsaid.push(
             "the sky's light, for which the format has no core light; the reader's environment takes its place".into(),
@@ -109,7 +110,8 @@ pub(crate) fn lit(coat: &Coat, side: Side) -> bool {
         })
 }
 
-fn primitive(file: &mut Glb, shape: &Mesh, material: usize) -> Value {
+/// A shape with a material.
+pub(crate) fn primitive(file: &mut Glb, shape: &Mesh, material: usize) -> Value {
     let mut attributes = json!({
         "POSITION": file.floats("VEC3", &shape.positions),
         "NORMAL": file.floats("VEC3", &shape.normals),

@@ -35,6 +35,8 @@ pub struct Shown {
     pub size: [usize; 2],
     /// Camera paths for each pixel.
     pub samples: u32,
+    /// By how much the camera multiplies radiance before it is shown.
+    pub exposure: f64,
     /// What is in the scene and in no export, a sentence each.
     pub left_out: Vec<String>,
 }
@@ -230,6 +232,19 @@ fn parts_of_fit(folder: &Path, side: &SideMaps) -> Result<Vec<Part>> {
 }
 
 impl Shown {
+    /// The exposure in stops, as cameras of other programs have it.
+    pub fn stops(&self) -> f64 {
+        self.exposure.max(1e-6).log2()
+    }
+
+    /// What is left out by a format that holds no exposure.
+    pub fn without_exposure(&self) -> Option<String> {
+        (self.exposure != 1.0).then(|| {
+            let stops = self.stops();
+            format!("the exposure, for which the format has no place: set {stops:+.2} stops in the reader")
+        })
+    }
+
     /// A fitted leaf on its own: seen from above at a slant, under a sun and an even sky.
     ///
     /// # Errors
@@ -254,6 +269,7 @@ impl Shown {
             },
             size: [800, 600],
             samples: 64,
+            exposure: 1.0,
             left_out: Vec::new(),
         })
     }
@@ -301,6 +317,7 @@ impl Shown {
             camera,
             size,
             samples: 64,
+            exposure: world.exposure,
             left_out,
         }
     }

@@ -51,6 +51,7 @@ class Scope "Sheets"
     lights(&mut text, shown, &mut textures)?;
     text.push_str("}\n");
     let mut unsaid = shown.left_out.clone();
+    unsaid.extend(shown.without_exposure());
     unsaid.push("transmitted light, and the back: the front's colours are on both sides".into());
     unsaid.push(
         "what renderers of UsdPreviewSurface do otherwise: the errors are those of GGX with Smith's masking and \
