@@ -7,12 +7,13 @@
 #   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
 #   make web     the viewer as a page for browsers, out/web/; docs/web.md says how scenes get there
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
+#   make notices lists the code and the fonts of others, docs/third-party.md; needs Python
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens gallery book web build wheel setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery book web notices build wheel setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`.
 # $(1) is the report.
@@ -92,6 +93,9 @@ web:
 
 build: setup
 	$(CARGO) build --release --locked
+
+notices:
+	CARGO=$(CARGO) .ci/notices
 
 wheel: setup
 	@.ci/setup python

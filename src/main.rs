@@ -2,6 +2,9 @@
 
 use std::process::ExitCode;
 
+#[global_allocator]
+static MEMORY: mesophyll_cli::OrSentence = mesophyll_cli::OrSentence;
+
 fn main() -> ExitCode {
     mesophyll_cli::main()
 }

@@ -1,7 +1,7 @@
 //! The kinds of capture, and the one way to open a `capture.toml`.
 
 use crate::{Error, Result};
-use mesophyll_files::atomic::explain;
+use mesophyll_files::whole;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use strum::IntoEnumIterator;
@@ -95,7 +95,7 @@ fn text(folder: &Path) -> Result<(PathBuf, String)> {
     if !path.exists() && folder.join("fit.toml").is_file() {
         return Err(Error::input(folder, "found a fit (fit.toml), expected a capture (capture.toml)"));
     }
-    let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
+    let text = whole::text(&path)?;
     Ok((path, text))
 }
 

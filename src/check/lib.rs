@@ -76,12 +76,18 @@ pub struct Row {
 /// # Errors
 /// [`Error::Missed`] when there is none: a check never passes without having looked.
 pub fn open() -> Result<gpu::Renderer> {
-    gpu::Renderer::headless(&gpu::Options::default()).map_err(|e| Error::Missed(format!("nothing was checked: {e}")))
+    gpu::Renderer::headless(&gpu::Options::default())
+        .map_err(|e| Error::Missed(format!("nothing was checked: {e}{}", too_little_memory(&e))))
+}
+
+/// Drivers that find too little memory are not found themselves.
+fn too_little_memory(e: &gpu::Error) -> String {
+    if matches!(e, gpu::Error::NoAdapter) { mesophyll_files::memory::hint() } else { String::new() }
 }
 
 /// A renderer's error in our words.
 pub fn told(e: gpu::Error) -> Error {
-    Error::Missed(format!("the renderer failed: {e}"))
+    Error::Missed(format!("the renderer failed: {e}{}", too_little_memory(&e)))
 }
 
 /// Checks every view.

@@ -1,7 +1,7 @@
 //! `mesophyll dress`: fitted leaves on a plant that another program wrote.
 
 use crate::{Common, Error, Result};
-use mesophyll_export::dress::{Leaf, dress};
+use mesophyll_export::dress::{Leaf, Options, dress};
 use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
 use std::path::PathBuf;
@@ -13,7 +13,8 @@ use std::path::PathBuf;
      mesophyll dress plant.glb --leaf Leaves=fits/elm --leaf Buds=fits/balata --make-uv -o out/plant.glb\n\n\
      Every mesh with the material shows the fit's front on its front and the fit's back behind: colour, light that\n\
      shines through (KHR_materials_diffuse_transmission), gloss and normals. docs/export.md says what is lost, and\n\
-     OUT.glb.loss.json keeps it as numbers. A material without a name is called by its number, from 0.")]
+     OUT.glb.loss.json keeps it as numbers. A material without a name is called by its number, from 0.\n\
+     Where no material has the name, a mesh or a node of that name is dressed.")]
 pub struct Args {
     /// The plant (.glb or .gltf)
     #[arg(value_name = "PLANT.glb")]
@@ -25,6 +26,10 @@ pub struct Args {
     /// picture of many leaves
     #[arg(long)]
     make_uv: bool,
+    /// Scatter leaves over flat pieces that are more than three times as long as the fitted blade, such as cards of
+    /// whole twigs; where the former picture was cut out, leaves lie where it was opaque
+    #[arg(long)]
+    scatter: bool,
     /// File to write (.glb)
     #[arg(short, long, alias = "output", value_name = "OUT.glb")]
     out: PathBuf,
@@ -51,12 +56,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     for leaf in &args.leaves {
         crate::ready::fit(&leaf.fit)?;
     }
-    let done = dress(&args.plant, &args.leaves, args.make_uv, &args.out)?;
+    let options = Options { make_uv: args.make_uv, scatter: args.scatter };
+    let done = dress(&args.plant, &args.leaves, options, &args.out)?;
+    done.warnings.iter().for_each(progress::say);
+    let [area, kept] = done.area;
+    let share = (area > 0.0).then(|| kept / area);
     if common.json {
         let files: Vec<String> = done.exported.files.iter().map(|p| p.display().to_string()).collect();
         crate::print_json(&serde_json::json!({
             "written": files, "primitives": done.primitives, "triangles": done.triangles,
-            "triangles_with_made_uv": done.made, "undressed": done.undressed,
+            "triangles_with_made_uv": done.made, "scattered": done.scattered, "share_on_the_blade": share,
+            "warnings": done.warnings, "undressed": done.undressed,
             "loss": done.exported.lost.as_ref().map(|lost| lost.json()),
         }))?;
         return Ok(0);
@@ -68,6 +78,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         counted(done.primitives, "primitive"),
         done.made
     ));
+    if done.scattered > 0 {
+        progress::say(format!("{} scattered over cards of twigs", counted(done.scattered, "leaf")));
+    }
+    if let Some(share) = share {
+        progress::say(format!("{:.0} % of the dressed area shows the fitted blade", 100.0 * share));
+    }
     // What could not be dressed is among what is lost.
     done.exported.lost.iter().flat_map(|lost| lost.lines()).for_each(progress::say);
     Ok(0)

@@ -20,6 +20,7 @@ mod grow;
 mod import;
 mod inspect;
 mod man;
+mod memory;
 mod models;
 mod named;
 mod peers;
@@ -33,6 +34,7 @@ mod stress;
 mod synth;
 mod tables;
 mod view;
+pub use memory::OrSentence;
 pub(crate) use mesophyll_error::{Error, Result};
 
 #[derive(Debug, Parser)]
@@ -159,15 +161,12 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
         }
     };
+    memory::prepare();
     quiet_display_libraries();
     progress::set_quiet(cli.common.quiet);
-    if let Some(n) = cli.common.threads {
-        // This fails only when a pool already exists, and nothing before this line makes one.
-        let _ = rayon::ThreadPoolBuilder::new().num_threads(usize::from(n)).build_global();
-    }
     stop_on_ctrl_c();
     let _verb = progress::Bar::of(cli.verb.name());
-    match dispatch(&cli) {
+    match carried_out(cli) {
         Ok(code) => ExitCode::from(code),
         Err(e) => {
             if !matches!(e, Error::BrokenPipe) {
@@ -187,6 +186,24 @@ fn exit_code(e: &Error) -> u8 {
         _ if e.is_usage() => 2,
         _ => 1,
     }
+}
+
+/// Starts the worker threads, so that a want of memory is said before any of them is needed.
+fn workers(common: &Common) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(common.threads.map_or(0, usize::from));
+    pool.build_global().map_err(|e| progress::no_thread(&e))
+}
+
+/// Does the verb. One that seldom looks for a stop is left at once after Ctrl-C.
+fn carried_out(cli: Cli) -> Result<u8> {
+    workers(&cli.common)?;
+    if !matches!(cli.verb, Verb::Report(_) | Verb::Bench(_) | Verb::Stress(_)) {
+        return dispatch(&cli);
+    }
+    progress::left_when_stopped(move || dispatch(&cli))?.unwrap_or_else(|| {
+        place::remove_temporary();
+        Err(Error::Interrupted("stopped; nothing was printed".into()))
+    })
 }
 
 fn dispatch(cli: &Cli) -> Result<u8> {

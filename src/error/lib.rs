@@ -5,6 +5,9 @@
 
 #![warn(missing_docs)]
 
+mod short;
+
+pub use short::short;
 use std::fmt::Display;
 use std::path::Path;
 
@@ -25,7 +28,7 @@ pub enum Error {
         fault: Fault,
     },
     /// An argument of the command line, or an option of a function, that cannot be used.
-    #[error("{name}: {fault}")]
+    #[error("{}: {fault}", short(name))]
     Argument {
         /// The argument as the user writes it, such as `--g`.
         name: String,
@@ -33,10 +36,10 @@ pub enum Error {
         fault: Fault,
     },
     /// Arguments that do not go together, or a request that cannot be met: a free sentence.
-    #[error("{0}")]
+    #[error("{}", short(.0))]
     Usage(String),
     /// An output that could not be written; nothing half-written is left behind.
-    #[error("cannot write {file}: {reason}")]
+    #[error("cannot write {file}: {}", short(reason))]
     Write {
         /// The file's path.
         file: String,
@@ -44,7 +47,7 @@ pub enum Error {
         reason: String,
     },
     /// A fit as a whole failed, or a check missed its threshold: a free sentence.
-    #[error("{0}")]
+    #[error("{}", short(.0))]
     Missed(String),
     /// The user stopped the run; what was finished is kept.
     #[error("{0}")]
@@ -58,7 +61,7 @@ pub enum Error {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     /// It holds something else than it should.
-    #[error("found {found}, expected {expected}")]
+    #[error("found {}, expected {}", short(found), short(expected))]
     Unexpected {
         /// What it holds.
         found: String,
@@ -66,7 +69,7 @@ pub enum Fault {
         expected: String,
     },
     /// Anything else, as a free sentence.
-    #[error("{0}")]
+    #[error("{}", short(.0))]
     Other(String),
 }
 
@@ -76,7 +79,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 /// `file:line: field: `, as far as these are known.
 fn place(file: &str, line: Option<u32>, field: Option<&str>) -> String {
     let line = line.map_or(String::new(), |line| format!(":{line}"));
-    let field = field.map_or(String::new(), |field| format!("{field}: "));
+    let field = field.map_or(String::new(), |field| format!("{}: ", short(field)));
     format!("{file}{line}: {field}")
 }
 
@@ -164,8 +167,8 @@ impl std::fmt::Display for Status {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Status::Ok => f.write_str("ok"),
-            Status::Undetermined(what) => write!(f, "undetermined: {what}"),
-            Status::Refused(why) => write!(f, "refused: {why}"),
+            Status::Undetermined(what) => write!(f, "undetermined: {}", short(what)),
+            Status::Refused(why) => write!(f, "refused: {}", short(why)),
         }
     }
 }

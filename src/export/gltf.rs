@@ -110,7 +110,8 @@ pub(crate) fn lit(coat: &Coat, side: Side) -> bool {
         })
 }
 
-fn primitive(file: &mut Glb, shape: &Mesh, material: usize) -> Value {
+/// A shape with a material.
+pub(crate) fn primitive(file: &mut Glb, shape: &Mesh, material: usize) -> Value {
     let mut attributes = json!({
         "POSITION": file.floats("VEC3", &shape.positions),
         "NORMAL": file.floats("VEC3", &shape.normals),

@@ -8,7 +8,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
 
 /// How often a temporary file is made anew that other runs removed just after it was made.
 const TRIES: usize = 16;
@@ -52,8 +53,19 @@ fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 /// Removes the temporary files that are being written, for a program that ends in the middle of its work. What is
 /// written to them later is lost.
 pub fn remove_unfinished() {
-    // A file that was finished just now has its own name already.
-    unfinished().iter().for_each(|path| drop(fs::remove_file(path)));
+    for _ in 0..100 {
+        // Where memory ended while this very thread held the list, nobody frees it.
+        let list = match UNFINISHED.try_lock() {
+            Ok(list) => list,
+            Err(TryLockError::Poisoned(list)) => list.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                std::thread::sleep(Duration::from_millis(1));
+                continue;
+            }
+        };
+        // A file that was finished just now has its own name already.
+        return list.iter().for_each(|path| drop(fs::remove_file(path)));
+    }
 }
 
 #[derive(Debug)]
@@ -107,12 +119,21 @@ impl Pending {
         Ok(BufWriter::with_capacity(1 << 16, file))
     }
 
-    /// Flushes and renames. Without this call the temporary file is removed on drop.
+    /// Flushes to the disk and renames. Without this call the temporary file is removed on drop.
     pub fn finish(mut self) -> Result<()> {
         match self.target.take() {
             Some(Target::Temporary(writer)) => {
                 unfinished().remove(writer.get_ref().path());
                 let temp = writer.into_inner().map_err(|e| Error::write(&self.path, explain(e.error())))?;
+                // Otherwise the name could be on the disk before what it names, and a machine that loses its power then
+                // would keep an empty file.
+                match temp.as_file().sync_all() {
+                    // Some network file systems cannot do it.
+                    Err(e) if !matches!(e.kind(), io::ErrorKind::Unsupported | io::ErrorKind::InvalidInput) => {
+                        return Err(Error::write(&self.path, explain(&e)));
+                    }
+                    _ => {}
+                }
                 temp.persist(&self.real).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
                 Ok(())
             }
@@ -145,6 +166,10 @@ fn locked(name: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
                 // A file system without locks.
                 Err(fs::TryLockError::Error(_)) => return Ok(file),
             },
+            // To open a pipe would wait for its other end. What is no file is none of ours: it stays.
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists && is_other(&path) => {
+                return temporary(&format!("{name}."), 6, folder);
+            }
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => match fs::File::open(&path) {
                 Ok(rest) => match rest.try_lock() {
                     Ok(()) if same(&rest, &path) => fs::remove_file(&path)?,
@@ -159,6 +184,11 @@ fn locked(name: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
         }
     }
     Err(io::ErrorKind::WouldBlock.into())
+}
+
+/// Whether `path` names something, but no file: a folder, a pipe, a link.
+fn is_other(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|m| !m.is_file())
 }
 
 /// Whether `path` is still the name of `file`.

@@ -10,7 +10,7 @@ const UNSIGNED_INT: u32 = 5125;
 const UNSIGNED_SHORT: u32 = 5123;
 
 /// Buffer, accessors and images of a file that is being written.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Glb {
     bin: Vec<u8>,
     views: Vec<Value>,
@@ -18,8 +18,17 @@ pub struct Glb {
     images: Vec<Value>,
     textures: Vec<Value>,
     samplers: Vec<Value>,
-    /// The sampler of the pictures that are added.
+    /// The sampler of the pictures that are added, and its modes beyond the edges.
     sampler: Option<usize>,
+    modes: [u64; 2],
+}
+
+const CLAMP_TO_EDGE: u64 = 33071;
+
+impl Default for Glb {
+    fn default() -> Glb {
+        Glb::onto(&mut Value::Null, Vec::new())
+    }
 }
 
 impl Glb {
@@ -37,6 +46,7 @@ impl Glb {
             textures: list("textures"),
             samplers: list("samplers"),
             sampler: None,
+            modes: [CLAMP_TO_EDGE; 2],
         }
     }
 
@@ -94,13 +104,21 @@ impl Glb {
         self.accessors.len() - 1
     }
 
-    /// Adds a picture and returns a texture reference to it. It is sampled linearly and clamped to its edge.
+    /// Sets how pictures that are added from now on continue beyond their edges, across and down (glTF's `wrapS` and
+    /// `wrapT`).
+    pub fn wrap(&mut self, modes: [u64; 2]) {
+        (self.modes, self.sampler) = (modes, None);
+    }
+
+    /// Adds a picture and returns a texture reference to it. It is sampled linearly, and clamped to its edge unless
+    /// [`Glb::wrap`] said something else.
     pub fn texture(&mut self, name: &str, png: &[u8]) -> Value {
         let view = self.view(png);
         self.images.push(json!({"name": name, "bufferView": view, "mimeType": "image/png"}));
         let samplers = &mut self.samplers;
         let sampler = *self.sampler.get_or_insert_with(|| {
-            samplers.push(json!({"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}));
+            let [s, t] = self.modes;
+            samplers.push(json!({"magFilter": 9729, "minFilter": 9987, "wrapS": s, "wrapT": t}));
             samplers.len() - 1
         });
         self.textures.push(json!({"source": self.images.len() - 1, "sampler": sampler}));

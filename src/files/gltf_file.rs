@@ -3,7 +3,7 @@
 
 use crate::atomic::explain;
 use crate::unit::Unit;
-use crate::{Error, Result, guard};
+use crate::{Error, Result, guard, whole};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ pub struct Opened {
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
 pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Result<T>) -> Result<T> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let bytes = whole::bytes(path, whole::MOST_DATA)?;
     guard::guarded(|| parse(path, &bytes, understood).and_then(with))
         .unwrap_or_else(|| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
@@ -112,7 +112,7 @@ fn corners_exist(path: &Path, json: &gltf::json::Root) -> Result<()> {
 /// # Errors
 /// [`Error::Input`]: a picture that is missing, buffers that are compressed.
 pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let bytes = whole::bytes(path, whole::MOST_DATA)?;
     let json = if bytes.starts_with(b"glTF") {
         gltf::binary::Glb::from_slice(&bytes).map_err(|e| Error::input(path, sentence(&e)))?.json.into_owned()
     } else {
@@ -148,7 +148,7 @@ pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
     for image in root.get_mut("images").and_then(Value::as_array_mut).into_iter().flatten() {
         let Some(uri) = image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) else { continue };
         let beside = folder.join(percent_decode(uri));
-        let picture = std::fs::read(&beside).map_err(|e| Error::input(&beside, explain(&e)))?;
+        let picture = whole::bytes(&beside, whole::MOST_DATA)?;
         if picture.starts_with(b"\x89PNG") || picture.starts_with(b"\xff\xd8") {
             image["mimeType"] = json!(if picture[0] == 0xff { "image/jpeg" } else { "image/png" });
         } else if !image["mimeType"].is_string() {

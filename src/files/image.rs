@@ -102,6 +102,10 @@ const ASK_FOR_MEMORY: u64 = 1 << 28;
 /// deflate, 1032, with some room.
 const MOST_COMPRESSED: u64 = 1100;
 
+/// Pixels that are packed more than this many times as small are alike all over. A small file may ask for
+/// [`ASK_FOR_MEMORY`] bytes of them, but for more only in proportion to its own size.
+const MOST_ALIKE: u64 = 100;
+
 /// Reads every channel of an EXR file; half and integer samples become float.
 pub fn read_exr(path: &Path) -> Result<Maps> {
     read_exr_rows(path, None, None)
@@ -123,6 +127,17 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
         if stated.saturating_mul(samples.sum()) > length.saturating_mul(MOST_COMPRESSED) {
             let [w, h] = [info.width, info.height];
             let what = format!("the header states {w}x{h} pixels; a file of {length} bytes cannot hold as many");
+            return Err(Error::input(path, what));
+        }
+        // Every sample is kept as a float.
+        let whole = stated.saturating_mul(4 * info.channels.len() as u64);
+        if whole > ASK_FOR_MEMORY.max(length.saturating_mul(MOST_ALIKE)) {
+            let [w, h, alike] = [info.width as u64, info.height as u64, MOST_ALIKE];
+            let what = format!(
+                "{w}x{h} pixels in a file of {length} bytes: nearly all of them are alike, and they would take {} MiB \
+                 of memory; expected at most {alike} times the file, or a smaller picture",
+                whole >> 20
+            );
             return Err(Error::input(path, what));
         }
         let rows = rows.unwrap_or(0..info.height);
@@ -321,6 +336,12 @@ mod tests {
         write_exr(&path, &even, Packing::Zip).unwrap();
         assert!(std::fs::metadata(&path).unwrap().len() < 4 * 4_000_000 / 200);
         assert_eq!(read_exr(&path).unwrap(), even);
+        // The same for a large picture asks for memory that the file does not justify.
+        let mut even = Maps::new(12_000, 6000);
+        even.push("Y", vec![0.0; 12_000 * 6000]);
+        write_exr(&path, &even, Packing::Zip).unwrap();
+        let sentence = read_exr(&path).unwrap_err().to_string();
+        assert!(sentence.contains("12000x6000 pixels") && sentence.contains("274 MiB"), "{sentence}");
     }
 
     #[test]

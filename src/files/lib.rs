@@ -17,6 +17,7 @@ pub mod progress;
 pub mod quantity;
 pub mod table;
 pub mod unit;
+pub mod whole;
 
 pub(crate) use mesophyll_error::{Error, Result};
 

@@ -1,13 +1,45 @@
 //! How much memory there is. Work that does not fit is refused before it begins.
 
 use crate::{Error, Result};
+use std::fs::read_to_string;
 
-/// Bytes that the machine can still give, without swapping; `None` where the system does not say (only Linux does).
+/// Bytes that this program can still get, without swapping: what the machine has free, what the program's own limit
+/// leaves (`ulimit -v`), or what a container's limit leaves, whichever is least. `None` where the system does not say
+/// (only Linux does).
 pub fn available() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    let kibibytes: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kibibytes * 1024)
+    let kibibytes = |text: &str, name: &str| -> Option<u64> {
+        let line = text.lines().find_map(|l| l.strip_prefix(name))?;
+        Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
+    };
+    let free = kibibytes(&read_to_string("/proc/meminfo").ok()?, "MemAvailable:")?;
+    let own = limit().and_then(|most| {
+        let used = kibibytes(&read_to_string("/proc/self/status").ok()?, "VmSize:")?;
+        Some(most.saturating_sub(used))
+    });
+    let of_container = |name: &str| read_to_string(format!("/sys/fs/cgroup/memory.{name}")).ok();
+    let number = |name: &str| of_container(name)?.trim().parse::<u64>().ok();
+    let container = number("max").zip(number("current")).map(|(most, used)| {
+        // What is in use holds copies of files too, which give way.
+        let stat = of_container("stat").unwrap_or_default();
+        let file = stat.lines().find_map(|l| l.strip_prefix("file ")?.trim().parse::<u64>().ok()).unwrap_or(0);
+        most.saturating_sub(used.saturating_sub(file))
+    });
+    [own, container].into_iter().flatten().chain([free]).min()
+}
+
+/// The limit of the program's address space in bytes (`ulimit -v`), where there is one.
+pub fn limit() -> Option<u64> {
+    let text = read_to_string("/proc/self/limits").ok()?;
+    text.lines().find_map(|l| l.strip_prefix("Max address space"))?.split_whitespace().next()?.parse().ok()
+}
+
+/// What the limit of the address space has to do with something that failed: a sentence's end, or nothing where there
+/// is no limit, or one of more than 4 GiB.
+pub fn hint() -> String {
+    let small = limit().filter(|bytes| *bytes < 1 << 32);
+    small.map_or_else(String::new, |bytes| {
+        format!("; the limit of memory for this program is {} MiB (ulimit -v), which may be the cause", bytes >> 20)
+    })
 }
 
 /// Refuses work that needs more memory than there is.
@@ -17,12 +49,11 @@ pub fn available() -> Option<u64> {
 pub fn require(bytes: u64, what: &str) -> Result<()> {
     match available() {
         Some(there) if bytes > there => {
-            let gib = |b: u64| b as f64 / (1u64 << 30) as f64;
-            Err(Error::Usage(format!(
-                "{what} needs about {:.1} GiB of memory; {:.1} GiB are available",
-                gib(bytes),
-                gib(there)
-            )))
+            let size = |b: u64| match b as f64 / (1u64 << 30) as f64 {
+                gib if gib >= 1.0 => format!("{gib:.1} GiB"),
+                gib => format!("{:.0} MiB", 1024.0 * gib),
+            };
+            Err(Error::Usage(format!("{what} needs about {} of memory; {} are available", size(bytes), size(there))))
         }
         _ => Ok(()),
     }

@@ -37,7 +37,8 @@ pub fn pause() {
 /// Says something on stderr, unless `--quiet`.
 pub fn say(text: impl std::fmt::Display) {
     if !is_quiet() {
-        bars().suspend(|| eprintln!("{text}"));
+        let text = text.to_string();
+        bars().suspend(|| eprintln!("{}", mesophyll_error::short(&text)));
     }
 }
 
@@ -81,15 +82,15 @@ pub fn go_on() -> crate::Result<()> {
 ///
 /// # Panics
 /// Where `work` does.
-pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> crate::Result<Option<T>> {
     let (done, wait) = mpsc::channel();
-    let thread = std::thread::spawn(move || {
+    let thread = thread("work", move || {
         // Nobody listens any more where the work was abandoned.
         let _ = done.send(work());
-    });
+    })?;
     loop {
         match wait.recv_timeout(Duration::from_millis(20)) {
-            Ok(made) => return Some(made),
+            Ok(made) => return Ok(Some(made)),
             Err(mpsc::RecvTimeoutError::Timeout) if stop_requested() && !STAYS.load(Ordering::SeqCst) => break,
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Err(mpsc::RecvTimeoutError::Disconnected) => match thread.join() {
@@ -101,7 +102,26 @@ pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 's
     pause();
     bars().set_draw_target(indicatif::ProgressDrawTarget::hidden());
     crate::atomic::remove_unfinished();
-    None
+    Ok(None)
+}
+
+/// Starts a thread. Its stack is a part of the memory that the program may have.
+///
+/// # Errors
+/// [`crate::Error::Missed`] where there is too little memory, or no more threads are allowed.
+pub fn thread<T: Send + 'static>(
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> crate::Result<std::thread::JoinHandle<T>> {
+    std::thread::Builder::new().name(name.into()).spawn(work).map_err(|e| no_thread(&e))
+}
+
+/// The sentence for a thread that could not be started.
+pub fn no_thread(why: &dyn std::fmt::Display) -> crate::Error {
+    let hint = crate::memory::hint();
+    let why = why.to_string();
+    let why = why.split(" (os error").next().unwrap_or(&why);
+    crate::Error::Missed(format!("too little memory for another thread, or no more are allowed ({why}){hint}"))
 }
 
 /// A piece of work and how far it is.
@@ -170,7 +190,8 @@ fn state(tasks: &[Arc<Task>]) -> Option<String> {
 fn print_lines() {
     static STARTED: Once = Once::new();
     STARTED.call_once(|| {
-        std::thread::spawn(|| {
+        // Without a thread for them there are no lines.
+        let _ = thread("progress", || {
             loop {
                 std::thread::sleep(EVERY);
                 let line = state(&tasks());

@@ -35,7 +35,7 @@ use blades::{Meadow, STEPS};
 use judge::Rays;
 use march::Slices;
 use mesophyll_files::image::{Packing, write_exr};
-use mesophyll_files::{atomic, hash, memory, progress};
+use mesophyll_files::{atomic, hash, memory, progress, whole};
 use mesophyll_flora::{file, form::Plant, grow};
 use mesophyll_record::FitKind;
 use mesophyll_record::maker::{self, Maker, Outcome};
@@ -119,7 +119,7 @@ pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let leaves = optics::read(options.leaves.as_deref())?;
     let told_leaves = optics::told(options.leaves.as_deref())?;
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let bytes = whole::bytes(path, whole::MOST_DATA)?;
     let plant = maker.phase("grow", || plant(path))?;
     let Options { slices: n, texels, level, rays, entries, .. } = options;
     let told = format!("{n} {texels:?} {level} {rays} {entries}");

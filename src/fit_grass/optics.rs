@@ -2,7 +2,7 @@
 //! `data/grass/optics/leaves.toml`).
 
 use crate::{Error, Result};
-use mesophyll_files::{atomic, hash};
+use mesophyll_files::{hash, whole};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -39,7 +39,7 @@ pub fn told(path: Option<&Path>) -> Result<String> {
 /// [`Error::Input`] for a table that cannot be read, or for a share that is negative or larger than 1.
 pub fn read(path: Option<&Path>) -> Result<Leaves> {
     let (path, text) = match path {
-        Some(path) => (path, std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?),
+        Some(path) => (path, whole::text(path)?),
         None => (Path::new("data/grass/optics/leaves.toml"), STATED.to_string()),
     };
     let leaves: Leaves = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;

@@ -25,9 +25,9 @@ pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
 use mesophyll_error::Fault;
 pub(crate) use mesophyll_error::{Error, Result};
-use mesophyll_files::atomic::explain;
 use mesophyll_files::numbers;
 use mesophyll_files::unit::Unit;
+use mesophyll_files::whole;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -103,7 +103,7 @@ impl Manifest {
     /// # Errors
     /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Manifest> {
-        Manifest::parse(&std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?, path)
+        Manifest::parse(&whole::text(path)?, path)
     }
 
     /// Validates the text of a scene file. Names of other files in it are relative to the folder of `path`.

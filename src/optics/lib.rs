@@ -21,6 +21,5 @@ pub mod number;
 pub mod slab;
 pub mod tube;
 
-#[doc(hidden)] // for `dispatch_lanes!`
 pub use mesophyll_processor::InstructionSet;
 pub use mesophyll_surface::{defect, gloss, side};

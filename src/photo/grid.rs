@@ -136,7 +136,7 @@ mod tests {
         let (w, h) = (900, 900);
         let mut stream = Stream::new(7, &[1]);
         let pixels: Vec<[f32; 3]> = (0..w * h).map(|_| [0, 1, 2].map(|_| stream.normal_pair()[0] as f32)).collect();
-        let picture = Picture { path: "noise.exr".into(), width: w, height: h, pixels, highest: (9.0, 1) };
+        let picture = Picture { path: "noise.exr".into(), width: w, height: h, pixels, highest: (9.0, 1), steps: None };
         for (step, scale) in [(2, 0.5), (1, 1.0), (2, 1.0), (4, 0.9), (2, 3.0)] {
             let grid = Grid { origin: [8, 8], step, width: 60, height: 60 };
             let (sin, cos) = 0.07f64.sin_cos();

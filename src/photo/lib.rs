@@ -9,6 +9,7 @@
 
 #![warn(missing_docs)]
 
+mod coded;
 mod diffuse;
 mod gloss;
 mod grid;

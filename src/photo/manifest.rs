@@ -31,7 +31,7 @@ pub struct Manifest {
     /// Thinnest and thickest leaf of the species (mm), where nobody measured this one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness_range_mm: Option<[f64; 2]>,
-    /// How numbers in PNG and TIFF files stand for light. EXR files are linear.
+    /// How numbers in PNG, TIFF and JPEG files stand for light. EXR files are linear.
     #[serde(default)]
     pub transfer: Transfer,
     /// Readings of this value or more are clipped, 1 being the largest number of a PNG or TIFF file.
@@ -64,15 +64,35 @@ pub struct Manifest {
     pub gloss: Option<Gloss>,
 }
 
-/// How a number in a file stands for light.
+/// How a number in a file stands for light: curves that their makers have published.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(strum::EnumIter))]
+#[serde(rename_all = "kebab-case")]
 pub enum Transfer {
     /// In proportion to light.
     #[default]
     Linear,
     /// By the curve of IEC 61966-2-1.
     Srgb,
+    /// By that of ITU-R BT.709, as cameras write it.
+    #[serde(rename = "rec-709")]
+    Rec709,
+    /// By that of Adobe RGB (1998), the power 563/256.
+    AdobeRgb,
+    /// By that of ROMM RGB (ISO 22028-2), called ProPhoto RGB.
+    ProphotoRgb,
+    /// By the power 2.2.
+    #[serde(rename = "gamma-2.2")]
+    Gamma22,
+    /// By Sony's S-Log3.
+    #[serde(rename = "s-log3")]
+    SLog3,
+    /// By ARRI's LogC3 at EI 800.
+    #[serde(rename = "log-c3")]
+    LogC3,
+    /// By Panasonic's V-Log.
+    #[serde(rename = "v-log")]
+    VLog,
 }
 
 /// A stated reflectance and its standard error.

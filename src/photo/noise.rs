@@ -6,7 +6,11 @@
 //! the card, on the means of squares as large as those that texels are made of. Three squares in a line are compared as
 //! the first, less twice the second, and the third, so that an even slope of the light does not count. Between them
 //! lies a gap that is wider than what a converter mixes.
+//!
+//! Numbers of 8 bits are rounded. Neighbours that show the same light are rounded alike, so that a mean over them is no
+//! better: this error is added to every mean.
 
+use super::coded::Steps;
 use super::manifest::Manifest;
 use super::picture::Picture;
 
@@ -28,25 +32,28 @@ pub struct Noise {
     pub stated: bool,
     /// The same as `photon` for squares of so many pixels a side, ascending; empty where noise is stated.
     measured: Vec<(f64, [f64; 3])>,
+    /// The steps of the pictures' numbers, where they have 8 bits.
+    steps: Option<Steps>,
 }
 
 impl Noise {
     /// Independent noise of every pixel: a reading v has the variance photon · v + read².
     pub fn stated(photon: f64, read: f64) -> Noise {
-        Noise { photon: [photon; 3], read, stated: true, measured: Vec::new() }
+        Noise { photon: [photon; 3], read, stated: true, measured: Vec::new(), steps: None }
     }
 
     /// The stated noise, or what the card shows: pixels of the rectangle left, top, width, height, which lies inside
     /// the picture. All of what is measured is taken as the photons', in proportion to light.
     pub(super) fn of(m: &Manifest, picture: &Picture, card: [usize; 4]) -> Noise {
         if m.noise_photon.is_some() || m.noise_read.is_some() {
-            return Noise::stated(m.noise_photon.unwrap_or(0.0), m.noise_read.unwrap_or(0.0));
+            let stated = Noise::stated(m.noise_photon.unwrap_or(0.0), m.noise_read.unwrap_or(0.0));
+            return Noise { steps: picture.steps.clone(), ..stated };
         }
         let sides = (0..).map(|k| 1usize << k).take_while(|s| 3 * s + 2 * GAP.max(*s) <= card[2].max(card[3]));
         let measured: Vec<(f64, [f64; 3])> =
             sides.filter_map(|side| Some((side as f64, of_squares(picture, card, side)?))).collect();
         let photon = measured.last().map_or([0.0; 3], |m| m.1);
-        Noise { photon, read: 0.0, stated: false, measured }
+        Noise { photon, read: 0.0, stated: false, measured, steps: picture.steps.clone() }
     }
 
     /// Whether the noise is known: stated, or measured on squares large enough to show what neighbours share.
@@ -67,7 +74,8 @@ impl Noise {
             // Beyond what mixes pixels, larger squares have no more noise for their size.
             _ => self.photon[c],
         };
-        (photon * v.max(0.0) + self.read * self.read) / (side * side)
+        let rounded = self.steps.as_ref().map_or(0.0, |steps| steps.error(v).powi(2));
+        (photon * v.max(0.0) + self.read * self.read) / (side * side) + rounded
     }
 }
 
@@ -158,7 +166,7 @@ mod tests {
             (of.iter().sum::<f64>() / of.len() as f64) as f32
         };
         let pixels = (0..W * H).map(|k| [0, 1, 2].map(|c| between((k % W) as i64, (k / W) as i64, c))).collect();
-        Picture { path: "card.exr".into(), width: W, height: H, pixels, highest: (1.0, 1) }
+        Picture { path: "card.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None }
     }
 
     fn unstated() -> Manifest {

@@ -1,17 +1,16 @@
 //! A photograph in memory: linear light, with pixels that are clipped (+∞) or without a reading (NaN).
 
-use super::manifest::{Manifest, Transfer};
+use super::coded::{self, Steps};
+use super::manifest::Manifest;
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, exr_info, read_exr_rows};
-use mesophyll_files::{atomic, memory};
+use mesophyll_files::memory;
 use std::path::{Path, PathBuf};
 
 /// Largest picture that is read (pixels); larger ones can be developed smaller.
 const PIXELS: usize = 120_000_000;
 /// Memory that is in use for a pixel of a picture where it is largest: two pictures, their ratio and masks (measured).
 const BYTES: u64 = 60;
-/// Share of the largest number of an integer file from which a reading counts as clipped.
-const CLIPPED: f32 = 0.998;
 
 /// A photograph, row-major, row 0 on top.
 #[derive(Debug, Clone)]
@@ -27,19 +26,22 @@ pub struct Picture {
     /// The highest reading that is not clipped, and the number of readings that share it: many where a sensor clips
     /// without a stated full scale.
     pub highest: (f32, usize),
+    /// The steps of its numbers, where they have 8 bits.
+    pub steps: Option<Steps>,
 }
 
 impl Picture {
-    /// Reads an EXR, a 16-bit PNG or a 16-bit TIFF file.
+    /// Reads an EXR file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with 8 bits and a known
+    /// curve.
     ///
     /// # Errors
-    /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel, or
-    /// too large.
+    /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel and
+    /// no curve, or too large.
     pub fn read(path: &Path, manifest: &Manifest) -> Result<Picture> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        let (width, height, mut pixels) = match extension.as_str() {
+        let (width, height, mut pixels, steps) = match extension.as_str() {
             "exr" => exr(path)?,
-            "png" | "tif" | "tiff" => integers(path, manifest.transfer)?,
+            "png" | "tif" | "tiff" | "jpg" | "jpeg" => coded::read(path, manifest.transfer)?,
             _ => {
                 let expected = "an .exr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
                 return Err(Error::input(path, format!("found a file of another kind, expected {expected}")));
@@ -59,7 +61,7 @@ impl Picture {
         if highest.1 == 0 {
             return Err(Error::input(path, "no reading anywhere: every pixel is clipped or NaN"));
         }
-        Ok(Picture { path: path.into(), width, height, pixels, highest })
+        Ok(Picture { path: path.into(), width, height, pixels, highest, steps })
     }
 
     /// The mean of the three channels, which is not finite where one is not.
@@ -98,7 +100,8 @@ impl Picture {
     }
 }
 
-fn too_large(path: &Path, width: usize, height: usize) -> Result<()> {
+/// Refuses a picture that is too small or too large.
+pub(super) fn too_large(path: &Path, width: usize, height: usize) -> Result<()> {
     if width < 16 || height < 16 || width.saturating_mul(height) > PIXELS {
         let expected = format!("at least 16 by 16 and at most {PIXELS} pixels");
         return Err(Error::input(path, format!("found {width}x{height} pixels, expected {expected}")));
@@ -106,39 +109,9 @@ fn too_large(path: &Path, width: usize, height: usize) -> Result<()> {
     memory::require(BYTES * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
 }
 
-fn exr(path: &Path) -> Result<(usize, usize, Vec<[f32; 3]>)> {
+fn exr(path: &Path) -> Result<coded::Read> {
     let info = exr_info(path)?;
     too_large(path, info.width, info.height)?;
     let maps: Maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
-    Ok((maps.width, maps.height, mesophyll_capture::reader::interleave(&maps)))
-}
-
-fn integers(path: &Path, transfer: Transfer) -> Result<(usize, usize, Vec<[f32; 3]>)> {
-    let broken = |e: &dyn std::fmt::Display| Error::input(path, format!("not a readable picture: {e}"));
-    let open = || -> Result<image::ImageReader<_>> {
-        image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|e| Error::input(path, atomic::explain(&e)))
-    };
-    let (width, height) = open()?.into_dimensions().map_err(|e| broken(&e))?;
-    too_large(path, width as usize, height as usize)?;
-    let mut reader = open()?;
-    // The size is allowed and the memory was asked for, so that the decoder's own limit of 512 MiB does not count.
-    reader.no_limits();
-    let image = reader.decode().map_err(|e| broken(&e))?;
-    if !matches!(image.color(), image::ColorType::Rgb16 | image::ColorType::Rgba16) {
-        let found = format!("found {:?}", image.color());
-        return Err(Error::input(path, format!("{found}, expected three colours with 16 bits a channel")));
-    }
-    let image = image.into_rgb16();
-    let decode = |v: u16| {
-        let v = f32::from(v) / f32::from(u16::MAX);
-        match transfer {
-            _ if v >= CLIPPED => f32::INFINITY,
-            Transfer::Linear => v,
-            Transfer::Srgb if v <= 0.040_45 => v / 12.92,
-            Transfer::Srgb => ((v + 0.055) / 1.055).powf(2.4),
-        }
-    };
-    Ok((width as usize, height as usize, image.pixels().map(|p| p.0.map(decode)).collect()))
+    Ok((maps.width, maps.height, mesophyll_capture::reader::interleave(&maps), None))
 }

@@ -109,7 +109,7 @@ mod tests {
                 [(0.8 - dark + noise) as f32; 3]
             };
             let pixels = (0..width * height).map(pixel).collect();
-            Picture { path: "ruler.exr".into(), width, height, pixels, highest: (0.85, 1) }
+            Picture { path: "ruler.exr".into(), width, height, pixels, highest: (0.85, 1), steps: None }
         };
         let place = |s: f64, off: f64| [20.0 + (s + off) * along[0], 15.0 + (s + off) * along[1]];
         let marks_px = [place(0.0, -1.2), place(50.0 * 7.31, 1.5)];

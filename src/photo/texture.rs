@@ -95,7 +95,7 @@ mod tests {
             inside.push(on);
             pixels.push([(light + 0.01 * stream.normal_pair()[0]) as f32; 3]);
         }
-        (inside, Picture { path: "leaf.exr".into(), width: W, height: H, pixels, highest: (1.0, 1) })
+        (inside, Picture { path: "leaf.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None })
     }
 
     fn chosen(angle: f64, veins: f64, egg: f64) -> (f64, bool) {

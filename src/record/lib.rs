@@ -14,7 +14,7 @@ pub use kind::FitKind;
 
 use fault::Fault;
 use mesophyll_error::{Error, Result};
-use mesophyll_files::{atomic, claim, hash};
+use mesophyll_files::{atomic, claim, hash, whole};
 use mesophyll_solve::{Termination, TraceRow};
 use scan::{HeldOut, LightBox, Scan};
 use serde::{Deserialize, Serialize};
@@ -320,7 +320,7 @@ impl Times {
 
 /// A TOML file as a value; unknown and missing fields are named with their line.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let text = whole::text(path)?;
     toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
 }
 

@@ -81,7 +81,7 @@ pub fn make<T: Send + 'static>(
         shared: false,
         claim: claim.clone(),
     };
-    let made = match progress::left_when_stopped(move || fit(&mut maker)) {
+    let made = match progress::left_when_stopped(move || fit(&mut maker))? {
         None | Some(Err(Error::Interrupted(_))) => Err(stopped(out, parts.get())),
         Some(made) => made,
     };

@@ -10,7 +10,7 @@ use crate::traced::{made_from, views};
 use crate::{Error, Result};
 use mesophyll_files::image::{self, Maps, Packing};
 use mesophyll_files::progress::{self, Bar};
-use mesophyll_files::{atomic, hash};
+use mesophyll_files::{atomic, hash, memory};
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_viewer as viewer;
 use serde::{Deserialize, Serialize};
@@ -88,7 +88,11 @@ impl Film {
 /// or a folder that holds frames of another film (unless [`Options::force`]); [`Error::Missed`] without an adapter;
 /// [`Error::Interrupted`] after Ctrl-C, when all finished frames have been written.
 pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
-    let drawn_by = |e: viewer::Error| Error::Missed(format!("the renderer failed: {e}"));
+    let drawn_by = |e: viewer::Error| {
+        // Drivers that find too little memory are not found themselves.
+        let hint = if matches!(e, viewer::Error::NoAdapter) { memory::hint() } else { String::new() };
+        Error::Missed(format!("the renderer failed: {e}{hint}"))
+    };
     let frames = options.frames()?;
     if !scene.placed.moves().with_time() && !scene.manifest.fades() {
         return Err(Error::Usage(format!("{}: {NOTHING_MOVES}", scene.manifest.path.display())));

@@ -31,3 +31,25 @@ fn every_relative_link_leads_to_a_file() {
     assert!(lost.is_empty(), "links that lead nowhere:\n{}", lost.join("\n"));
     assert!(followed > 100, "only {followed} links were found");
 }
+
+/// The page of third parties names only packages that the lock file has, and holds the licences that ask to be shown.
+#[test]
+fn notices_of_third_parties_are_those_of_the_packages() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/third-party.md")).unwrap();
+    let lock: toml::Table = std::fs::read_to_string(root.join("Cargo.lock")).unwrap().parse().unwrap();
+    let packages = lock["package"].as_array().unwrap();
+    let known = |name: &str, version: &str| {
+        packages.iter().any(|p| p["name"].as_str() == Some(name) && p["version"].as_str() == Some(version))
+    };
+    let rows: Vec<[&str; 2]> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("| [")?.split_once("](").map(|(name, rest)| [name, rest]))
+        .filter_map(|[name, rest]| Some([name, rest.split(" | ").nth(1)?]))
+        .collect();
+    let stale: Vec<&[&str; 2]> = rows.iter().filter(|[name, version]| !known(name, version)).collect();
+    assert!(rows.len() > 200 && stale.is_empty(), "{} rows; run `make notices`: {stale:?}", rows.len());
+    for text in ["SIL OPEN FONT LICENSE", "UBUNTU FONT LICENCE", "Neither the name of", "hw-skymodel"] {
+        assert!(page.contains(text), "{text} is missing");
+    }
+}

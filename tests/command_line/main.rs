@@ -14,6 +14,7 @@ mod csv;
 mod inspect_file;
 mod interrupted;
 mod layout;
+mod limits;
 mod links;
 mod makefile;
 mod mangled;

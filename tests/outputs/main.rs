@@ -8,6 +8,7 @@ mod canopy;
 #[path = "../common/mod.rs"]
 mod common;
 mod dress;
+mod dress_cards;
 mod export;
 mod look_closer;
 mod panorama;

@@ -3,7 +3,7 @@
 
 use super::layers::Foliar;
 use crate::{Error, Result};
-use mesophyll_files::atomic::explain;
+use mesophyll_files::whole;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
@@ -314,7 +314,7 @@ impl Spec {
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Spec> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+        let text = whole::text(path)?;
         let mut spec: Spec = text.parse().map_err(|e| Error::toml(path, &text, &e))?;
         spec.validate(path)?;
         if let Some(foliar) = &mut spec.foliar {

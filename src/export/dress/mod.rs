@@ -5,20 +5,26 @@
 //! second primitive, the same triangles seen from behind. Texture coordinates of the file are kept. Where there are
 //! none, each flat piece is laid along the fitted blade by its own axes ([`mesophyll_flora::import::flat`]).
 
+mod cards;
+mod cover;
+mod plan;
 mod primitive;
+mod wanted;
 
 use crate::coat::{Coat, Lost};
 use crate::gltf::{lit, material};
 use crate::shown::{Sheet, plain_name};
 use crate::{Error, Exported, Result};
 use mesophyll_files::glb::Glb;
-use mesophyll_files::gltf_file::{self, Opened};
+use mesophyll_files::gltf_file;
 use mesophyll_foreign::target::Target;
 use mesophyll_optics::side::Side;
+use plan::Plan;
 use primitive::Work;
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use wanted::Wanted;
 
 /// Extensions that a file may require: they are kept as they are, and none changes what is dressed.
 const KEPT: [&str; 9] = [
@@ -33,7 +39,7 @@ const KEPT: [&str; 9] = [
     "KHR_texture_transform",
 ];
 
-/// A material of the plant, and the fit that takes its place.
+/// A material of the plant, or a mesh where no material has the name, and the fit that takes its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Leaf {
     /// The material's name in the file; one without a name is called by its number, from 0.
@@ -53,51 +59,67 @@ pub struct Dressed {
     pub triangles: usize,
     /// Number of those triangles whose texture coordinates were made.
     pub made: usize,
-    /// What has a named material and could not be dressed, a sentence each.
+    /// Number of leaves that were scattered over cards of twigs.
+    pub scattered: usize,
+    /// The area that was dressed, and how much of it shows the fitted blade (the file's unit, squared).
+    pub area: [f64; 2],
+    /// What has a named material and could not be dressed, or lost something, a sentence each.
     pub undressed: Vec<String>,
+    /// What is probably not meant so, a sentence each.
+    pub warnings: Vec<String>,
 }
 
-/// Writes the plant in `path` with the fits of `leaves` to `out` (.glb), and what is lost beside it. `make` makes
-/// texture coordinates also where the file has its own.
+/// How a plant is dressed.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Makes texture coordinates also where the file has its own.
+    pub make_uv: bool,
+    /// Scatters leaves over flat pieces that are many times as large as the fitted blade.
+    pub scatter: bool,
+}
+
+/// Writes the plant in `path` with the fits of `leaves` to `out` (.glb), and what is lost beside it.
 ///
 /// # Errors
 /// [`Error::Input`] for a plant or a fit that cannot be read, for a material that is not there or is named twice, and
 /// where nothing could be dressed; [`Error::Usage`] and [`Error::Write`] for `out`.
-pub fn dress(path: &Path, leaves: &[Leaf], make: bool, out: &Path) -> Result<Dressed> {
+pub fn dress(path: &Path, leaves: &[Leaf], options: Options, out: &Path) -> Result<Dressed> {
     let record = crate::record_of_loss(out)?;
     gltf_file::read(path, &KEPT, |opened| {
-        let wanted = materials(path, &opened, leaves)?;
+        let wanted = Wanted::of(path, &opened, leaves)?;
         let (mut root, bin) = gltf_file::whole(path, &opened)?;
+        let mut done = Dressed::default();
+        let plans = plan::plans(path, &opened, &root, &bin, &wanted, options, &mut done.undressed);
         let mut file = Glb::onto(&mut root, bin);
-        let sheets = sheets(&root, &wanted, leaves)?;
-        let coats: Vec<Coat> = sheets.iter().map(|(_, sheet)| Coat::new(sheet, Target::GltfTranslucent)).collect();
-        let mut coated = Vec::new();
-        for coat in &coats {
-            coated.push(Coated::new(coat, &mut root, &mut file, out)?);
+        let sheets = sheets(&plans, leaves)?;
+        let coats: Vec<Coat> = sheets.iter().map(|s| Coat::new(&s.sheet, Target::GltfTranslucent)).collect();
+        let mut coated: Vec<(Key, Coated)> = Vec::new();
+        for plan in &plans {
+            if coated.iter().any(|(key, _)| *key == plan.key) {
+                continue;
+            }
+            let Some(k) = sheets.iter().position(|s| (s.leaf, s.masked) == (plan.key.leaf, plan.key.masked)) else {
+                continue;
+            };
+            file.wrap(plan.key.wrap);
+            coated.push((plan.key, Coated::new(&coats[k], &sheets[k].on, plan.key.wrap, &mut root, &mut file, out)?));
         }
-        let of = |material: usize| {
-            let key = key(&root["materials"][material], &leaves[*wanted.get(&material)?]);
-            sheets.iter().position(|(k, _)| *k == key)
-        };
-        let of: BTreeMap<usize, usize> = wanted.keys().filter_map(|m| Some((*m, of(*m)?))).collect();
-        let mut work =
-            Work { path, opened: &opened, make, file: &mut file, turned: HashMap::new(), done: Dressed::default() };
-        let mut used = BTreeSet::new();
+        let mut work = Work { path, opened: &opened, options, file: &mut file, turned: HashMap::new(), done };
+        let mut plans = plans.into_iter().peekable();
         for mesh in opened.document.meshes() {
             let mut primitives = Vec::new();
             for primitive in mesh.primitives() {
                 let own = root["meshes"][mesh.index()]["primitives"][primitive.index()].clone();
-                let material = primitive.material().index();
-                let Some(k) = material.and_then(|m| of.get(&m)) else {
+                let Some(plan) = plans.next_if(|p| p.at == [mesh.index(), primitive.index()]) else {
                     primitives.push(own);
                     continue;
                 };
-                used.extend(material);
-                let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
-                let set = texture_set(&root["materials"][material.unwrap_or_default()]);
-                match work.dress(&field, &primitive, set, &own, &coated[*k]) {
-                    Ok(new) => primitives.extend(new),
-                    Err(why) => {
+                let field = plan.field();
+                let coat = coated.iter().find(|(key, _)| *key == plan.key);
+                match coat.map(|(_, coated)| work.dress(&primitive, plan, &own, coated)).transpose()? {
+                    Some(Ok(new)) => primitives.extend(new),
+                    why => {
+                        let why = why.and_then(std::result::Result::err).unwrap_or_default();
                         work.done.undressed.push(format!("{field}: {why}"));
                         primitives.push(own);
                     }
@@ -106,15 +128,7 @@ pub fn dress(path: &Path, leaves: &[Leaf], make: bool, out: &Path) -> Result<Dre
             root["meshes"][mesh.index()]["primitives"] = json!(primitives);
         }
         let mut done = work.done;
-        for m in &used {
-            if colour(&root["materials"][*m])["extensions"]["KHR_texture_transform"].is_object() {
-                let what = "the transform of its former texture (KHR_texture_transform) was left out";
-                done.undressed.push(format!("materials[{m}]: {what}"));
-            }
-        }
-        for (m, k) in wanted.iter().filter(|(m, _)| !used.contains(*m)) {
-            done.undressed.push(format!("materials[{m}]: no mesh has the material \"{}\"", leaves[*k].material));
-        }
+        plan::unused(&opened, &root, &wanted, leaves, &mut done.undressed);
         if done.primitives == 0 {
             let why = done.undressed.first().cloned().unwrap_or_default();
             return Err(Error::input(path, format!("nothing could be dressed: {why}")));
@@ -133,57 +147,40 @@ pub fn dress(path: &Path, leaves: &[Leaf], make: bool, out: &Path) -> Result<Dre
     })
 }
 
-/// The fit (its place in `leaves`) of each material that is named.
-fn materials(path: &Path, opened: &Opened, leaves: &[Leaf]) -> Result<BTreeMap<usize, usize>> {
-    let names: Vec<String> = opened
-        .document
-        .materials()
-        .filter_map(|m| m.index().map(|k| m.name().map_or_else(|| k.to_string(), String::from)))
-        .collect();
-    let mut wanted = BTreeMap::new();
-    for (k, leaf) in leaves.iter().enumerate() {
-        let mut any = false;
-        for (m, _) in names.iter().enumerate().filter(|(_, name)| **name == leaf.material) {
-            any = true;
-            if wanted.insert(m, k).is_some() {
-                return Err(Error::argument("--leaf", &leaf.material, "each material once"));
-            }
-        }
-        if !any {
-            let list = names.iter().collect::<BTreeSet<_>>().into_iter().map(|n| format!("\"{n}\""));
-            let found = match list.collect::<Vec<_>>().join(", ") {
-                none if none.is_empty() => "has no materials".to_string(),
-                list => format!("has {list}"),
-            };
-            return Err(Error::input(path, format!("found no material \"{}\"; the file {found}", leaf.material)));
-        }
-    }
-    Ok(wanted)
+/// A fit as the plant shows it: which one, with the outline of its blade cut out or without, and how its pictures go on
+/// beyond their edges. A card shows a leaf by its outline alone; a mesh has the outline itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Key {
+    leaf: usize,
+    masked: bool,
+    wrap: [u64; 2],
 }
 
-/// A fit with the outline of its blade cut out, or without: a card shows a leaf by its outline alone, a mesh has the
-/// outline itself.
-type Key = (PathBuf, bool);
-
-fn key(material: &Value, leaf: &Leaf) -> Key {
-    (leaf.fit.clone(), matches!(material["alphaMode"].as_str(), Some("MASK" | "BLEND")))
+/// A fit once for meshes or once for cards.
+struct Cut {
+    leaf: usize,
+    masked: bool,
+    sheet: Sheet,
+    /// Whether a texel, in the front's columns, is on the leaf.
+    on: Vec<bool>,
 }
 
-/// Each fit that is wanted, once for meshes and once for cards.
-fn sheets(root: &Value, wanted: &BTreeMap<usize, usize>, leaves: &[Leaf]) -> Result<Vec<(Key, Sheet)>> {
-    let mut sheets: Vec<(Key, Sheet)> = Vec::new();
-    for (m, k) in wanted {
-        let key = key(&root["materials"][*m], &leaves[*k]);
-        if sheets.iter().any(|(known, _)| *known == key) {
+/// Each fit that is wanted.
+fn sheets(plans: &[Plan], leaves: &[Leaf]) -> Result<Vec<Cut>> {
+    let mut sheets: Vec<Cut> = Vec::new();
+    for plan in plans {
+        let Key { leaf, masked, .. } = plan.key;
+        let fit = &leaves[leaf].fit;
+        if sheets.iter().any(|s| (s.leaf, s.masked) == (leaf, masked)) {
             continue;
         }
-        let (mut sheet, on) = Sheet::of_folder(&key.0)?;
-        sheet.mask = key.1.then_some(on);
-        let taken = sheets.iter().filter(|(_, s)| s.name.starts_with(&sheet.name)).count();
+        let (mut sheet, on) = Sheet::of_folder(fit)?;
+        sheet.mask = masked.then(|| on.clone());
+        let taken = sheets.iter().filter(|s| s.sheet.name.starts_with(&sheet.name)).count();
         if taken > 0 {
             sheet.name = plain_name(&format!("{}_{}", sheet.name, taken + 1));
         }
-        sheets.push((key, sheet));
+        sheets.push(Cut { leaf, masked, sheet, on });
     }
     Ok(sheets)
 }
@@ -207,14 +204,26 @@ struct Coated {
     blade: [[f64; 2]; 2],
     /// Whether the fitted blade is longer across the picture than down.
     across: bool,
+    /// Length and width of the rectangle around the fitted blade (m), and how much of it the blade fills.
+    blade_m: [f64; 2],
+    filled: f64,
     /// Whether a side has mapped normals, for which a mesh needs tangents.
     mapped: bool,
+    /// Whether the outline is cut out.
+    masked: bool,
+    /// Columns and rows of its pictures, which of their texels are on the leaf, and how they go on.
+    size: [usize; 2],
+    on: Vec<bool>,
+    wrap: [u64; 2],
 }
 
 impl Coated {
-    fn new(coat: &Coat, root: &mut Value, file: &mut Glb, out: &Path) -> Result<Coated> {
+    fn new(coat: &Coat, on: &[bool], wrap: [u64; 2], root: &mut Value, file: &mut Glb, out: &Path) -> Result<Coated> {
         let sides: Vec<Side> = Side::ALL.into_iter().filter(|s| lit(coat, *s)).collect();
         let mut placed = Vec::new();
+        if !root["materials"].is_array() {
+            root["materials"] = json!([]);
+        }
         for side in &sides {
             let new = material(file, coat, *side, out, true, sides.len() == 1)?;
             let Some(list) = root["materials"].as_array_mut() else { continue };
@@ -226,9 +235,31 @@ impl Coated {
             list.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v.into()), high.max(v.into())])
         };
         let [u, v] = [0, 1].map(|c| bounds(&mut mesh.uvs.iter().map(|uv| uv[c])));
-        let [x, y] = [0, 1].map(|c| bounds(&mut mesh.positions.iter().map(|p| p[c])));
+        let [x, y] = [0, 1].map(|c| bounds(&mut mesh.positions.iter().map(|p| p[c]))).map(|[low, high]| high - low);
         let mapped = Side::ALL.iter().any(|s| coat.sheet.normals[*s].is_some());
-        Ok(Coated { sides: placed, blade: [u, v], across: x[1] - x[0] >= y[1] - y[0], mapped })
+        let across = x >= y;
+        let [width, height] = coat.sheet.size;
+        let texels = |[low, high]: [f64; 2], count: usize| {
+            let at = |t: f64| ((t * count as f64).round().max(0.0) as usize).min(count);
+            at(low)..at(high)
+        };
+        let there = texels(v, height).flat_map(|row| texels(u, width).map(move |column| row * width + column));
+        let (mut all, mut leaf) = (0usize, 0usize);
+        for k in there {
+            (all, leaf) = (all + 1, leaf + usize::from(on[k]));
+        }
+        Ok(Coated {
+            sides: placed,
+            blade: [u, v],
+            across,
+            blade_m: [x.max(y), x.min(y)].map(|mm| mm / 1000.0),
+            filled: if all > 0 { leaf as f64 / all as f64 } else { 1.0 },
+            mapped,
+            masked: coat.sheet.mask.is_some(),
+            size: coat.sheet.size,
+            on: on.to_vec(),
+            wrap,
+        })
     }
 
     /// Texture coordinates of a place on a flat piece (along, across): the fitted blade's base is on the left of its

@@ -1,24 +1,40 @@
 //! One primitive of a plant, as it is dressed: coordinates, tangents, and the same triangles seen from behind.
 
-use super::{Coated, Dressed};
-use crate::Error;
+use super::cards::{self, Card, TWIG};
+use super::{Coated, Dressed, Options, Plan, cover};
+use crate::Result;
+use crate::blade::Mesh;
 use glam::{DVec2, DVec3};
 use gltf::Semantic;
 use gltf::accessor::DataType;
 use mesophyll_files::glb::Glb;
 use mesophyll_files::gltf_file::{self, Opened, Surface};
 use mesophyll_files::mesh::{self, LeafMesh};
-use mesophyll_flora::import::flat::{Flat, flat};
+use mesophyll_flora::import::flat::Flat;
 use mesophyll_optics::side::Side;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::Path;
 
+/// Where less than this share of the dressed area shows the leaf, something is wrong.
+const LITTLE: f64 = 0.5;
+
+/// What becomes of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    /// It gets the fitted leaf.
+    Dressed,
+    /// It keeps its material.
+    Stays,
+    /// Scattered leaves take its place.
+    Gone,
+}
+
 /// The file that is dressed.
 pub(super) struct Work<'a> {
     pub path: &'a Path,
     pub opened: &'a Opened,
-    pub make: bool,
+    pub options: Options,
     pub file: &'a mut Glb,
     /// Accessors of turned normals and tangents, by the accessor that they were made of.
     pub turned: HashMap<usize, usize>,
@@ -27,90 +43,143 @@ pub(super) struct Work<'a> {
 
 impl Work<'_> {
     /// The primitives that take the place of `own`, or why it stays as it is.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a card on which too many leaves would lie.
     pub fn dress(
         &mut self,
-        field: &str,
         primitive: &gltf::Primitive,
-        set: u64,
+        plan: Plan,
         own: &Value,
         coated: &Coated,
-    ) -> std::result::Result<Vec<Value>, String> {
+    ) -> Result<std::result::Result<Vec<Value>, String>> {
+        let field = plan.field();
         let plain = |semantic: &Semantic| primitive.get(semantic).is_none_or(|a| a.data_type() == DataType::F32);
         if ![Semantic::Positions, Semantic::Normals, Semantic::Tangents].iter().all(plain) {
-            return Err("found quantized vertices, expected numbers of 32 bits".into());
+            return Ok(Err("found quantized vertices, expected numbers of 32 bits".into()));
         }
-        // File and field stand before all that is printed.
-        let said =
-            |e: Error| e.to_string().replace(&format!("{}: {field}", self.path.display()), "").replacen(": ", "", 1);
-        let surface = gltf_file::surface(self.path, field, primitive, &self.opened.buffers).map_err(said)?;
-        if surface.indices.is_empty() {
-            return Err("found no triangles".into());
+        let Plan { surface, found, .. } = &plan;
+        let mut fate = vec![Fate::Dressed; surface.indices.len() / 3];
+        let mut out = Vec::new();
+        let twigs: Vec<Card> = cards::cards(surface, found)
+            .into_iter()
+            .filter(|card| card.length() * plan.unit_m > TWIG * coated.blade_m[0])
+            .collect();
+        let bent = own["targets"].is_array() || own["attributes"]["JOINTS_0"].is_u64();
+        if self.options.scatter && !twigs.is_empty() && !bent {
+            let picture = plan.opacity.as_ref().zip(plan.own.as_ref().map(|(_, uvs)| uvs.as_slice()));
+            let leaves = cards::scatter(self.path, &field, surface, found, &twigs, coated, picture, plan.unit_m)?;
+            twigs.iter().flat_map(|card| &card.triangles).for_each(|t| fate[*t] = Fate::Gone);
+            out.extend(self.scattered(&leaves, coated));
+        } else if let Some(largest) = twigs.iter().map(|card| card.length() * plan.unit_m).reduce(f64::max) {
+            let why = if self.options.scatter { ", but what moves them cannot move scattered leaves" } else { "" };
+            self.done.warnings.push(format!(
+                "{field}: {} of {} pieces are up to {largest:.2} m long, and the fitted blade is {:.3} m: each may be a \
+                 whole twig, and shows one huge leaf; --scatter lays leaves over them{why}",
+                twigs.len(),
+                found.pieces[0] + found.pieces[1],
+                coated.blade_m[0]
+            ));
         }
-        let kept = if self.make { None } else { self.own_coordinates(primitive, set, surface.positions.len()) };
+        if fate.iter().all(|f| *f == Fate::Gone) {
+            self.done.primitives += 1;
+            return Ok(Ok(out));
+        }
+        let kept = plan.own.as_ref().filter(|_| !self.options.make_uv);
         let mut front = own.clone();
-        let mut whole = vec![true; surface.indices.len() / 3];
+        self.uncoloured(&field, &mut front);
         let uvs = if let Some((accessor, uvs)) = kept {
             front["attributes"]["TEXCOORD_0"] = json!(accessor);
-            uvs
+            uvs.clone()
         } else {
-            let found = flat(&surface);
             if found.pieces[0] == 0 {
-                return Err(format!("found no texture coordinates and no flat piece among {}", found.pieces[1]));
+                return Ok(Err(format!("found no texture coordinates and no flat piece among {}", found.pieces[1])));
             }
             if found.pieces[1] > 0 {
                 let [flat, others] = found.pieces;
                 let what = format!("{field}: {others} of {} pieces are not flat and stay as they are", flat + others);
                 self.done.undressed.push(what);
             }
-            let uvs = self.make_coordinates(&mut front, &found, coated);
-            self.done.made += found.triangles.iter().filter(|flat| **flat).count();
-            whole = found.triangles;
+            let uvs = self.make_coordinates(&mut front, found, coated);
+            fate.iter_mut().zip(&found.triangles).filter(|(_, flat)| !**flat).for_each(|(f, _)| *f = Fate::Stays);
+            self.done.made += fate.iter().filter(|f| **f == Fate::Dressed).count();
             uvs
         };
         if coated.mapped {
-            self.make_tangents(&mut front, primitive, &surface, &uvs);
+            self.make_tangents(&mut front, primitive, surface, &uvs);
         }
-        let mut out = Vec::new();
-        let all = whole.iter().all(|dressed| *dressed);
-        if !all {
+        if fate.contains(&Fate::Stays) {
             let mut rest = own.clone();
-            rest["indices"] = json!(self.file.indices(&some(&surface, &whole, false, false)));
-            out.push(rest);
+            rest["indices"] = json!(self.file.indices(&some(surface, &fate, Fate::Stays, false)));
+            out.insert(0, rest);
         }
         if let Some(extensions) = front.get_mut("extensions").and_then(Value::as_object_mut)
             && extensions.remove("KHR_materials_variants").is_some()
         {
             self.done.undressed.push(format!("{field}: its variants (KHR_materials_variants) were left out"));
         }
-        if !all {
-            front["indices"] = json!(self.file.indices(&some(&surface, &whole, true, false)));
+        if fate.iter().any(|f| *f != Fate::Dressed) {
+            front["indices"] = json!(self.file.indices(&some(surface, &fate, Fate::Dressed, false)));
         }
         for (side, material) in &coated.sides {
             let mut new = front.clone();
             if *side == Side::Back && coated.sides.len() > 1 {
-                new["indices"] = json!(self.file.indices(&some(&surface, &whole, true, true)));
+                new["indices"] = json!(self.file.indices(&some(surface, &fate, Fate::Dressed, true)));
                 self.turn(&mut new);
             }
             new["material"] = json!(material);
             out.push(new);
         }
+        let dressed: Vec<bool> = fate.iter().map(|f| *f == Fate::Dressed).collect();
+        let area = cover::kept(surface, &dressed, &uvs, coated);
+        self.judge(&field, area, kept.is_some(), coated);
         self.done.primitives += 1;
-        self.done.triangles += whole.iter().filter(|dressed| **dressed).count();
-        Ok(out)
+        self.done.triangles += dressed.iter().filter(|dressed| **dressed).count();
+        Ok(Ok(out))
     }
 
-    /// The file's own texture coordinates and their accessor, where they tell one place from another.
-    fn own_coordinates(
-        &self,
-        primitive: &gltf::Primitive,
-        set: u64,
-        vertices: usize,
-    ) -> Option<(usize, Vec<[f32; 2]>)> {
-        let accessor = primitive.get(&Semantic::TexCoords(set as u32))?;
-        let reader = primitive.reader(|b| self.opened.buffers.get(b.index()).map(|d| d.0.as_slice()));
-        let list: Vec<[f32; 2]> = reader.read_tex_coords(set as u32)?.into_f32().collect();
-        let whole = list.len() == vertices && list.iter().flatten().all(|v| v.is_finite());
-        (whole && list.iter().any(|uv| *uv != list[0])).then(|| (accessor.index(), list))
+    /// Adds to the area that was dressed, and warns where little of it shows the leaf.
+    fn judge(&mut self, field: &str, [all, kept]: [f64; 2], own: bool, coated: &Coated) {
+        let area = &mut self.done.area;
+        *area = [area[0] + all, area[1] + kept];
+        let share = kept / all;
+        if share < LITTLE {
+            let what = if coated.masked { "the fitted outline keeps only" } else { "only" };
+            let rest = if coated.masked {
+                "of its area"
+            } else {
+                "of its area lies on the fitted blade; the rest shows the colours of the blade's edge"
+            };
+            let way = if own { "; --make-uv lays the blade over each flat piece" } else { "" };
+            self.done.warnings.push(format!("{field}: {what} {:.0} % {rest}{way}", 100.0 * share));
+        }
+    }
+
+    /// Takes out the colours of vertices, with which the former picture was multiplied.
+    fn uncoloured(&mut self, field: &str, front: &mut Value) {
+        let Some(attributes) = front["attributes"].as_object_mut() else { return };
+        let names: Vec<String> = attributes.keys().filter(|name| name.starts_with("COLOR_")).cloned().collect();
+        for name in names {
+            attributes.remove(&name);
+            self.done.undressed.push(format!("{field}: its vertex colours ({name}) were left out"));
+        }
+        for target in front.get_mut("targets").and_then(Value::as_array_mut).into_iter().flatten() {
+            target.as_object_mut().into_iter().for_each(|t| t.retain(|name, _| !name.starts_with("COLOR_")));
+        }
+    }
+
+    /// The primitives of scattered leaves, one for each side.
+    fn scattered(&mut self, leaves: &LeafMesh, coated: &Coated) -> Vec<Value> {
+        let mut leaves = leaves.clone();
+        leaves.tangents = mesh::vertex_tangents(&leaves);
+        let front = Mesh::of(&leaves);
+        self.done.scattered += front.indices.len() / 6;
+        let both = [front.clone(), front.turned()];
+        let side = |(side, material): &(Side, usize)| {
+            let back = *side == Side::Back && coated.sides.len() > 1;
+            crate::gltf::primitive(self.file, &both[usize::from(back)], *material)
+        };
+        coated.sides.iter().map(side).collect()
     }
 
     fn make_coordinates(&mut self, front: &mut Value, found: &Flat, coated: &Coated) -> Vec<[f32; 2]> {
@@ -196,8 +265,8 @@ impl Work<'_> {
     }
 }
 
-/// The triangles that are marked as `dressed` says, also turned round.
-fn some(surface: &Surface, whole: &[bool], dressed: bool, turned: bool) -> Vec<u32> {
-    let triangles = surface.indices.chunks_exact(3).zip(whole).filter(|(_, own)| **own == dressed);
+/// The triangles with this fate, also turned round.
+fn some(surface: &Surface, fates: &[Fate], fate: Fate, turned: bool) -> Vec<u32> {
+    let triangles = surface.indices.chunks_exact(3).zip(fates).filter(|(_, own)| **own == fate);
     triangles.flat_map(|(t, _)| if turned { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] }).collect()
 }

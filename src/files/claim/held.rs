@@ -43,7 +43,12 @@ pub(super) fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
 
 /// The kind that the marker states, in words.
 pub(super) fn marked(folder: &Path) -> Option<String> {
-    fs::read_to_string(folder.join(MARK)).ok().map(|text| text.trim().to_string())
+    there(&folder.join(MARK)).and_then(|path| fs::read_to_string(path).ok()).map(|text| text.trim().to_string())
+}
+
+/// A path where there is a file. To read a pipe would wait for its other end.
+fn there(path: &Path) -> Option<&Path> {
+    path.is_file().then_some(path)
 }
 
 /// The files by which a folder of this kind is recognised, as far as they exist and have the right content.
@@ -60,7 +65,7 @@ pub(super) fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
         Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],
     };
     let says = |name: &str, key: &str| {
-        let bytes = fs::read(folder.join(name)).unwrap_or_default();
+        let bytes = there(&folder.join(name)).and_then(|path| fs::read(path).ok()).unwrap_or_default();
         serde_json::from_slice::<Value>(&bytes).is_ok_and(|v| v.get(key).is_some())
     };
     known.iter().filter(|(name, key)| says(name, key)).map(|(name, _)| *name).collect()

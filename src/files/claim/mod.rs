@@ -8,6 +8,8 @@
 
 mod held;
 mod lock;
+#[cfg(test)]
+mod tests;
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
@@ -96,10 +98,13 @@ const CAPTURE_NAMES: [&str; 12] = [
     "truth",
 ];
 
-/// Endings of the files that verbs write. `-o` replaces a file with one of these endings only where the verb itself
-/// writes that ending.
-const ENDINGS: [&str; 14] =
-    ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4"];
+/// Endings that tell what a file is, among them those of the files that verbs write. `-o` names a file with one of them
+/// only where the verb writes that ending.
+const ENDINGS: [&str; 33] = [
+    "toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4", "xml", "pbrt",
+    "mtlx", "usda", "ply", "hdr", "jpg", "jpeg", "tif", "tiff", "xlsx", "pdf", "md", "sh", "py", "rs", "c", "ipynb",
+    "zip",
+];
 
 /// Claims `folder` for what a verb makes of `inputs`: creates it if needed, checks that it can be written, and locks it
 /// until the answer is dropped.
@@ -275,7 +280,8 @@ pub fn finish(folder: &Path) -> Result<()> {
 }
 
 /// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes
-/// are free.
+/// are free. A file that is there is replaced only where its ending is one of these, or where it is empty; a new one may
+/// have any ending by which no other kind of file is known.
 ///
 /// # Errors
 /// [`Error::Usage`] (exit code 2) that names the file and what it is.
@@ -301,15 +307,20 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
     if let Some(words) = part_of(home, &name) {
         return refuse(format!("belongs to {words}"));
     }
-    if !place.is_file() {
+    let (found, expected) = (ending(&place).unwrap_or_default(), format!(".{}", endings.join(" or .")));
+    if endings.contains(&found.as_str()) {
         return Ok(());
     }
-    match ending(&place) {
-        Some(found) if ENDINGS.contains(&found.as_str()) && !endings.contains(&found.as_str()) => {
-            refuse(format!("is a .{found} file, where one ending in .{} was expected,", endings.join(" or .")))
-        }
-        _ => Ok(()),
+    // An empty file is what `mktemp` leaves; nothing is lost with it.
+    if fs::metadata(&place).is_ok_and(|m| m.is_file() && m.len() > 0) {
+        let found = if found.is_empty() { "a file without an ending".into() } else { format!("a .{found} file") };
+        return refuse(format!("is {found}, where one ending in {expected} was expected,"));
     }
+    if ENDINGS.contains(&found.as_str()) {
+        let what = format!("found an ending of other files, .{found}; expected {expected}");
+        return Err(Error::Usage(format!("the output file {}: {what}", path.display())));
+    }
+    Ok(())
 }
 
 /// What the file `name` belongs to in the folder `home`: either because it always would (a fit's record), or because it

@@ -1,7 +1,7 @@
 //! Spectra as a CSV in long form, a row a wavelength.
 
 use super::{File, Reading};
-use crate::table::{push_number, push_text};
+use crate::table::{push_number, push_quoted};
 
 /// `leaf,wavelength_nm,R,T,thickness_mm,index` with a row a reading. A column that no reading has is left out.
 pub(super) fn table(file: &File) -> Vec<u8> {
@@ -23,11 +23,11 @@ pub(super) fn table(file: &File) -> Vec<u8> {
     let mut bytes = b"leaf".to_vec();
     there.iter().for_each(|(name, _)| {
         bytes.push(b',');
-        push_text(&mut bytes, name);
+        push_quoted(&mut bytes, name);
     });
     bytes.push(b'\n');
     for reading in readings() {
-        push_text(&mut bytes, &file.leaves[reading.leaf]);
+        push_quoted(&mut bytes, &file.leaves[reading.leaf]);
         for (_, of) in &there {
             bytes.push(b',');
             let value = of(&reading);

@@ -4,7 +4,7 @@
 //! bytes before anything is kept, and cells are read one after the other, never as the rectangle that the sheet claims
 //! to have.
 
-use crate::table::{push_number, push_text};
+use crate::table::{push_number, push_quoted};
 use calamine::{CellErrorType, DataRef, Reader, SheetVisible, Xlsx};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
@@ -164,7 +164,7 @@ fn table(cells: &Cells, header: u32) -> Result<(Vec<u8>, Vec<String>), String> {
             bytes.extend_from_slice(format!("{v}").as_bytes())
         }
         Some(Cell::Number(v)) => push_number(bytes, *v),
-        Some(Cell::Text(text)) => push_text(bytes, text),
+        Some(Cell::Text(text)) => push_quoted(bytes, text),
         None => {}
     };
     let mut outside = 0;

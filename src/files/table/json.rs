@@ -1,5 +1,6 @@
 //! Rows as JSON: the lines of a CSV are turned into `{"rows": [{column: value, …}, …]}` one after the other.
 
+use super::sink::is_formula;
 use std::io::{self, Write};
 
 /// Turns whole CSV lines into JSON objects. The first line names the columns.
@@ -17,7 +18,7 @@ impl Rows {
             let record = record?;
             let cells = record.iter().map(String::from_utf8_lossy);
             if self.names.is_empty() {
-                self.names = cells.map(|c| c.into_owned()).collect();
+                self.names = cells.map(|c| written(&c).to_string()).collect();
                 to.write_all(b"{\"rows\": [")?;
                 continue;
             }
@@ -41,11 +42,16 @@ impl Rows {
 /// A number is written as it is. An empty cell, and a number that is not finite, become `null`. Everything else is
 /// text.
 fn value(cell: &str) -> String {
-    match cell {
+    match written(cell) {
         "" | "inf" | "-inf" | "NaN" => "null".into(),
-        _ if serde_json::from_str::<serde_json::Number>(cell).is_ok() => cell.to_string(),
-        _ => serde_json::Value::from(cell).to_string(),
+        cell if serde_json::from_str::<serde_json::Number>(cell).is_ok() => cell.to_string(),
+        cell => serde_json::Value::from(cell).to_string(),
     }
+}
+
+/// A cell without the apostrophe that keeps spreadsheets from running it.
+fn written(cell: &str) -> &str {
+    cell.strip_prefix('\'').filter(|rest| is_formula(rest.as_bytes())).unwrap_or(cell)
 }
 
 #[cfg(test)]
@@ -56,12 +62,12 @@ mod tests {
     fn cells_become_values() {
         let (mut rows, mut out) = (Rows::default(), Vec::new());
         rows.write(b"id,x,x_err,note,status\n007,0.25,inf,\"a \"\"b\"\", c\",ok\n", &mut out).unwrap();
-        rows.write(b"8,1e-300,,,\"refused: x is \"\"?\"\"\"\n", &mut out).unwrap();
+        rows.write(b"'=8,1e-300,,,\"refused: x is \"\"?\"\"\"\n", &mut out).unwrap();
         rows.finish(&mut out).unwrap();
         let json: serde_json::Value = serde_json::from_slice(&out).unwrap();
         let want = serde_json::json!({"rows": [
             {"id": "007", "x": 0.25, "x_err": null, "note": "a \"b\", c", "status": "ok"},
-            {"id": 8, "x": 1e-300, "x_err": null, "note": null, "status": "refused: x is \"?\""},
+            {"id": "=8", "x": 1e-300, "x_err": null, "note": null, "status": "refused: x is \"?\""},
         ]});
         assert_eq!(json, want);
         let (mut none, mut out) = (Rows::default(), Vec::new());

@@ -29,7 +29,7 @@ pub use lines::plain_text;
 pub use mesophyll_error::Status;
 pub use possible::Physical;
 pub use record::Record;
-pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
+pub use sink::{Output, Sink, push_cell, push_number, push_quoted, push_text, stdout_error};
 pub use source::Table;
 pub use tally::{Tally, counted};
 

@@ -5,6 +5,7 @@ use super::cell::{self, Cell, Possible};
 use super::possible::repeated;
 use super::record::Splitter;
 use super::rows::{At, Block};
+use super::sink::is_formula;
 use super::{Answer, Answering, Record, Row, Spec, Table, Tally, push_cell, push_number, push_text};
 use crate::{Error, Result, progress};
 use mesophyll_error::Status;
@@ -236,7 +237,7 @@ impl Plan {
     pub(super) fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer) {
         for &k in &self.carried {
             let cell = record.bytes(k);
-            if record.is_exact() {
+            if record.is_exact() && !is_formula(cell) {
                 bytes.extend_from_slice(cell)
             } else {
                 push_cell(bytes, cell)

@@ -117,13 +117,40 @@ pub fn push_number(bytes: &mut Vec<u8>, v: f64) {
     }
 }
 
-/// A cell, quoted where CSV needs it.
+/// A cell of an output, quoted where CSV needs it. A spreadsheet takes what begins with =, +, − or @ for a formula and
+/// runs it; an apostrophe before it makes it text. Numbers and dashes that stand for nothing stay as they are.
 pub fn push_text(bytes: &mut Vec<u8>, text: &str) {
     push_cell(bytes, text.as_bytes());
 }
 
 /// [`push_text`] for a carried cell, which may hold any bytes.
 pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
+    if is_formula(cell) {
+        quote(bytes, &[b"'", cell].concat());
+    } else {
+        quote(bytes, cell);
+    }
+}
+
+/// A cell of a table that only this program reads: as [`push_text`], but formulas stay.
+pub fn push_quoted(bytes: &mut Vec<u8>, text: &str) {
+    quote(bytes, text.as_bytes());
+}
+
+/// Whether a spreadsheet would run a cell.
+pub(super) fn is_formula(cell: &[u8]) -> bool {
+    let begins = |cell: &[u8]| matches!(cell.first(), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r'));
+    if !begins(cell) || cell.iter().all(|b| *b == b'-') {
+        return false;
+    }
+    let number = |text: &str| {
+        let text = text.trim_ascii().trim_end_matches('%').trim_ascii_end();
+        text.parse::<f64>().is_ok() || text.replacen(',', ".", 1).parse::<f64>().is_ok()
+    };
+    !std::str::from_utf8(cell).is_ok_and(number)
+}
+
+fn quote(bytes: &mut Vec<u8>, cell: &[u8]) {
     if !cell.iter().any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r')) {
         bytes.extend_from_slice(cell);
         return;
@@ -141,6 +168,22 @@ pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_spreadsheet_runs_no_cell() {
+        let pushed = |cell: &str| {
+            let mut bytes = Vec::new();
+            push_text(&mut bytes, cell);
+            String::from_utf8(bytes).unwrap()
+        };
+        for text in ["=1+1", "+oak", "-leaf", "@SUM(A1)", "-2+cmd", "--1", "\tx"] {
+            assert_eq!(pushed(text), format!("'{text}"));
+        }
+        assert_eq!(pushed("=HYPERLINK(\"a\",1)"), "\"'=HYPERLINK(\"\"a\"\",1)\"");
+        for plain in ["-1.5", "+3e-4", "-2,5", "-5 %", "-", "---", "-inf", "elm", "'=1+1", ""] {
+            assert_eq!(pushed(plain).trim_matches('"'), plain);
+        }
+    }
 
     /// Numbers are read back exactly, and have the form in which Rust prints them: the same number of digits, and a
     /// power of ten for the same sizes. (Of two decimals that are equally near, the last digit may be the other one.)

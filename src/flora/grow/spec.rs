@@ -2,7 +2,7 @@
 
 use crate::file::MOST_TRIANGLES;
 use crate::{Error, Result};
-use mesophyll_files::atomic::explain;
+use mesophyll_files::whole;
 use serde::Deserialize;
 use std::path::Path;
 use std::str::FromStr;
@@ -271,7 +271,7 @@ impl Spec {
 
 /// Reads a description without checking its values.
 pub(crate) fn parse<T: FromStr<Err = toml::de::Error>>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let text = whole::text(path)?;
     text.parse().map_err(|e| Error::toml(path, &text, &e))
 }
 

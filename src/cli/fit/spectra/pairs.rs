@@ -5,7 +5,7 @@ use super::name::{Name, quantity_of};
 use super::{LEAF, Wide, in_nm, only_leaf, wide};
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_files::table::{Record, Table, counted, push_text};
+use mesophyll_files::table::{Record, Table, counted, push_quoted};
 use std::collections::{HashMap, HashSet};
 use std::io::Cursor;
 use std::path::Path;
@@ -188,7 +188,7 @@ fn push_line<'a>(text: &mut Vec<u8>, cells: impl Iterator<Item = &'a str>) {
         if k > 0 {
             text.push(b',');
         }
-        push_text(text, cell);
+        push_quoted(text, cell);
     }
     text.push(b'\n');
 }

@@ -106,7 +106,7 @@ impl Nodes {
 
 impl Pass {
     /// A pass of `model` with the tube at these positions (mm). `along` is the number of nodes along the tube, and
-    /// `level` the instruction set that may be used.
+    /// `level` the largest instruction set that may be used.
     pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: InstructionSet) -> Pass {
         let rule = super::arc::Rule::new(along);
         let full = |k: i32| (f64::from(k), 1.0);

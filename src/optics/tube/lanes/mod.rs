@@ -1,8 +1,10 @@
 //! Several f64 at a time: AVX-512, AVX2 with FMA, or plain arrays, chosen when the program runs.
 //!
 //! It has only what the tube integral and its fit need. The intrinsics are in `#[inline(always)]` methods, which are
-//! sound only where the caller was compiled for the instruction set. [`dispatch!`](crate::dispatch_lanes) makes such
-//! callers and checks the processor.
+//! sound only where the caller was compiled for the instruction set. [`dispatch`] is such a
+//! caller, and the only one: nobody else can name the types whose methods these are.
+
+use mesophyll_processor::InstructionSet;
 
 /// A few f64.
 pub trait Lanes: Copy {
@@ -170,9 +172,6 @@ impl Lanes for Plain {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub use x86::{Avx2, Avx512};
-
-#[cfg(target_arch = "x86_64")]
 mod x86;
 
 /// The largest number of values in a vector; columns are padded to whole vectors.
@@ -183,41 +182,64 @@ pub fn padded(n: usize) -> usize {
     n.div_ceil(PAD) * PAD
 }
 
-/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `set`:
+/// Work that is done with vectors of any kind.
+pub trait Job {
+    /// What it gives.
+    type Output;
+    /// Does it; `#[inline(always)]`, so that it is compiled for the vectors' instruction set.
+    fn run<L: Lanes>(self) -> Self::Output;
+}
+
+/// Does `job` with the vectors of `set`, or of the largest set that the processor has.
+#[inline]
+pub fn dispatch<J: Job>(set: InstructionSet, job: J) -> J::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2,fma")]
+        fn avx2<J: Job>(job: J) -> J::Output {
+            job.run::<x86::Avx2>()
+        }
+        #[target_feature(enable = "avx512f")]
+        fn avx512<J: Job>(job: J) -> J::Output {
+            job.run::<x86::Avx512>()
+        }
+        match set.or_less() {
+            // SAFETY: `or_less` gives only what this processor has.
+            InstructionSet::Avx512 => return unsafe { avx512(job) },
+            // SAFETY: as above.
+            InstructionSet::Avx2 => return unsafe { avx2(job) },
+            InstructionSet::Plain => {}
+        }
+    }
+    let _ = set;
+    job.run::<Plain>()
+}
+
+/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `set` by [`dispatch`]:
 /// `dispatch_lanes!(set, function(arg: Type, …) -> Return)`.
 #[macro_export]
 macro_rules! dispatch_lanes {
-    ($set:expr, $function:ident($($arg:ident : $type:ty),* $(,)?) $(-> $ret:ty)?) => {{
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn avx2($($arg: $type),*) $(-> $ret)? {
-                $function::<$crate::tube::lanes::Avx2>($($arg),*)
-            }
-            #[target_feature(enable = "avx512f")]
-            fn avx512($($arg: $type),*) $(-> $ret)? {
-                $function::<$crate::tube::lanes::Avx512>($($arg),*)
-            }
-            match $set {
-                // SAFETY: `InstructionSet::detect` saw the instruction set on this processor.
-                $crate::InstructionSet::Avx512 => unsafe { avx512($($arg),*) },
-                // SAFETY: as above.
-                $crate::InstructionSet::Avx2 => unsafe { avx2($($arg),*) },
-                $crate::InstructionSet::Plain => $function::<$crate::tube::lanes::Plain>($($arg),*),
+    ($set:expr, $function:ident($($arg:ident : $type:ty),* $(,)?)) => {
+        $crate::dispatch_lanes!($set, $function($($arg: $type),*) -> ())
+    };
+    ($set:expr, $function:ident($($arg:ident : $type:ty),* $(,)?) -> $ret:ty) => {{
+        struct Call<T>(T);
+        impl $crate::tube::lanes::Job for Call<($($type,)*)> {
+            type Output = $ret;
+            #[inline(always)]
+            fn run<L: $crate::tube::lanes::Lanes>(self) -> $ret {
+                let ($($arg,)*) = self.0;
+                $function::<L>($($arg),*)
             }
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        {
-            let _ = $set;
-            $function::<$crate::tube::lanes::Plain>($($arg),*)
-        }
+        $(let $arg: $type = $arg;)*
+        $crate::tube::lanes::dispatch($set, Call(($($arg,)*)))
     }};
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_processor::InstructionSet;
 
     #[inline(always)]
     fn table<L: Lanes>(x: &[f64], exp: &mut [f64], recip: &mut [f64]) {
@@ -230,7 +252,8 @@ mod tests {
     #[test]
     fn exp_and_reciprocal() {
         let x: Vec<f64> = (1..=4000).map(|k| -f64::from(k) * 0.0173).collect();
-        for level in InstructionSet::available() {
+        // A set that the processor lacks is answered by a smaller one.
+        for level in InstructionSet::ALL {
             let (mut e, mut r) = (vec![0.0; x.len()], vec![0.0; x.len()]);
             let (xs, es, rs) = (&x[..], &mut e[..], &mut r[..]);
             dispatch_lanes!(level, table(xs: &[f64], es: &mut [f64], rs: &mut [f64]));
