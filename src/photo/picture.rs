@@ -2,7 +2,7 @@
 
 use super::manifest::{Manifest, Transfer};
 use crate::{Error, Result};
-use mesophyll_files::image::{Maps, exr_info, read_exr_rows};
+use mesophyll_files::picture::{self, RGB, Request};
 use mesophyll_files::{atomic, memory};
 use std::path::{Path, PathBuf};
 
@@ -30,7 +30,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads an EXR, a 16-bit PNG or a 16-bit TIFF file.
+    /// Reads an EXR, a Radiance, a 16-bit PNG or a 16-bit TIFF file.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel, or
@@ -38,10 +38,11 @@ impl Picture {
     pub fn read(path: &Path, manifest: &Manifest) -> Result<Picture> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let (width, height, mut pixels) = match extension.as_str() {
-            "exr" => exr(path)?,
+            "exr" | "hdr" => linear(path)?,
             "png" | "tif" | "tiff" => integers(path, manifest.transfer)?,
             _ => {
-                let expected = "an .exr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
+                let expected =
+                    "an .exr or .hdr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
                 return Err(Error::input(path, format!("found a file of another kind, expected {expected}")));
             }
         };
@@ -106,10 +107,10 @@ fn too_large(path: &Path, width: usize, height: usize) -> Result<()> {
     memory::require(BYTES * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
 }
 
-fn exr(path: &Path) -> Result<(usize, usize, Vec<[f32; 3]>)> {
-    let info = exr_info(path)?;
-    too_large(path, info.width, info.height)?;
-    let maps: Maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
+fn linear(path: &Path) -> Result<(usize, usize, Vec<[f32; 3]>)> {
+    let request = Request { names: &RGB, all: false, outside: f32::NAN };
+    let picture::Linear { maps, said } = picture::read(path, &request, |w, h| too_large(path, w, h))?;
+    picture::tell(path, &said);
     Ok((maps.width, maps.height, mesophyll_capture::reader::interleave(&maps)))
 }
 
