@@ -74,7 +74,7 @@ pub fn draw(
         hdr: vec![[0.0; 4]; pixels],
         ldr: vec![[0, 0, 0, 255]; pixels],
     };
-    let polynomials = daylight::polynomials(plan.light.sun_moves, ledger)?;
+    let polynomials = daylight::polynomials(manifest, plan.light.sun_moves, ledger)?;
     let mut hours = Vec::new();
     let mut lit = drawn.clone();
     for (k, &hour) in day.hours.iter().enumerate() {

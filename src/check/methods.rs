@@ -233,8 +233,7 @@ impl Weighing<'_> {
     /// The background in a direction where nothing stands.
     fn background(&self, d: glam::DVec3) -> [f64; 3] {
         match &self.world.dome {
-            Some(dome) if d.z > 0.0 => (dome.radiance)(d).map(|v| v.max(0.0)),
-            Some(dome) => dome.seen_below,
+            Some(dome) => dome.behind(d),
             None => self.world.background,
         }
     }

@@ -234,7 +234,8 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
     }
     let view = traced::views(&scene, args.view.as_deref())?[0];
     let time = args.time.unwrap_or_else(|| scene.manifest.time_of(view));
-    let world = reference::still(&scene, time, &ledger)?;
+    let mut world = reference::still(&scene, time, &ledger)?;
+    reference::part_sun(&mut world, &scene.manifest)?;
     let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
     let check = &scene.manifest.check;
     let size = [check.width as usize, check.height as usize];

@@ -19,8 +19,8 @@ pub struct Args {
     /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
-    /// Environment map that is seen behind the scene and lights nothing: an EXR, twice as wide as high, zenith on top
-    #[arg(long, value_name = "FILE.exr")]
+    /// Environment map that is seen behind the scene and lights nothing: OpenEXR or Radiance, 2:1, zenith on top
+    #[arg(long, value_name = "FILE")]
     background: Option<PathBuf>,
     /// Close after this many frames
     #[arg(long, value_name = "N")]
@@ -87,7 +87,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         let map = Environment::read(file)?;
         let (width, height, texels) = map.texels();
         let texels = std::sync::Arc::new(texels.to_vec());
-        scene.backdrop = Some(Backdrop { width: width as u32, height: height as u32, texels });
+        scene.backdrop = Some(Backdrop { width: width as u32, height: height as u32, texels, turn: 0.0 });
     }
     let window = WindowScene {
         title: manifest.name.clone(),

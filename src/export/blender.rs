@@ -40,8 +40,8 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     let sky = match &shown.sky {
         Sky::None => Value::Null,
         Sky::Even(radiance) => json!(radiance),
-        // The picture's columns run against the azimuth, from half a turn on.
-        Sky::Map(map) => value(&textures.picture("sky", map.size, |k| map.against(k, map.size[0] / 2))?),
+        // Blender's panoramas are as ours.
+        Sky::Map(map) => value(&textures.picture("sky", map.size, |k| map.texels[k])?),
     };
     let sun = shown.sun.map(|sun| {
         json!({"towards": sun.direction.normalize().to_array(), "irradiance": sun.irradiance,

@@ -106,8 +106,8 @@ fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()
             );
         }
         Sky::Map(map) => {
-            // The plugin turns its azimuth the other way: column 0 is at azimuth 0 and the next below it.
-            if let Paint::File(file) = textures.picture("sky", map.size, |k| map.against(k, 0))? {
+            // The first column of the plugin's picture looks to +x.
+            if let Paint::File(file) = textures.picture("sky", map.size, |k| map.from_column(map.size[0] / 2, k))? {
                 let _ = writeln!(
                     text,
                     "  <emitter type=\"envmap\"><string name=\"filename\" value=\"{file}\"/><transform \

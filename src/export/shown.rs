@@ -11,9 +11,9 @@ use mesophyll_foreign::texel::{Part, Texel};
 use mesophyll_leaf::{BLADE, File, LeafFit, fill};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, Sides, mirror};
+use mesophyll_sky::panorama;
 use mesophyll_transport::world::{Interior, NormalFrame, ReferenceLeaf, ReferenceSide};
 use mesophyll_transport::{Camera, ReferenceSun, World};
-use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 /// Everything that is exported.
@@ -52,7 +52,7 @@ pub enum Sky {
     Map(SkyMap),
 }
 
-/// Radiance from all around. Row 0 is at the zenith; the azimuth of column i is (i + ½)·360°/W, from +x towards +y.
+/// Radiance from all around, as a panorama ([`panorama`]).
 #[derive(Debug, Clone)]
 pub struct SkyMap {
     /// Columns and rows.
@@ -299,7 +299,7 @@ impl Shown {
             "where nothing stands, the camera sees the sky's light and not the scene's background colour",
         );
         say(
-            world.dome.as_ref().is_some_and(|d| d.seen_below != (d.radiance)(-DVec3::Z)),
+            world.dome.as_ref().and_then(|d| Some(d.seen_below? != (d.radiance)(-DVec3::Z))).unwrap_or_default(),
             "below the horizon the camera sees the ground's light and not the scene's background colour",
         );
         let used: Vec<bool> = (0..world.leaves.len()).map(|k| world.instances.iter().any(|i| i.leaf == k)).collect();
@@ -327,29 +327,24 @@ impl Shown {
 }
 
 impl SkyMap {
-    /// Texel `k` of the same picture with columns against the azimuth, from `first` columns on: (first − i − ½)·360°/W.
-    pub fn against(&self, k: usize, first: usize) -> [f32; 3] {
+    /// Texel `k` of the same picture turned to the left, so that column `first` becomes its first one.
+    pub fn from_column(&self, first: usize, k: usize) -> [f32; 3] {
         let [columns, _] = self.size;
-        self.texels[k / columns * columns + (first + 2 * columns - 1 - k % columns) % columns]
+        self.texels[k / columns * columns + (first + k % columns) % columns]
     }
 
     /// Radiance from a unit direction, that of the nearest texel.
     pub fn at(&self, d: DVec3) -> [f32; 3] {
         let [columns, rows] = self.size;
-        let row = (d.z.clamp(-1.0, 1.0).acos() / PI * rows as f64) as usize;
-        let column = (d.y.atan2(d.x).rem_euclid(TAU) / TAU * columns as f64) as usize;
+        let [u, v] = panorama::place(d.to_array());
+        let [column, row] = [(u * columns as f64) as usize, (v * rows as f64) as usize];
         self.texels[row.min(rows - 1) * columns + column.min(columns - 1)]
     }
 
     /// The sky of a world in equal steps of angle.
     fn of(world: &World) -> SkyMap {
         let [columns, rows] = SKY;
-        let texel = |k: usize| {
-            let (i, j) = ((k % columns) as f64, (k / columns) as f64);
-            let (theta, phi) = (PI * (j + 0.5) / rows as f64, TAU * (i + 0.5) / columns as f64);
-            let d = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
-            world.sky_radiance(d).map(|v| v.max(0.0) as f32)
-        };
-        SkyMap { size: SKY, texels: (0..columns * rows).map(texel).collect() }
+        let seen = |d: [f64; 3]| world.sky_radiance(DVec3::from(d)).map(|v| v.max(0.0) as f32);
+        SkyMap { size: SKY, texels: panorama::centres(columns, rows).map(seen).collect() }
     }
 }

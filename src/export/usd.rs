@@ -223,8 +223,8 @@ fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<(
     let file = match &shown.sky {
         Sky::None => return Ok(()),
         Sky::Even([r, g, b]) => format!("        color3f inputs:color = ({r}, {g}, {b})\n"),
-        // The picture's columns run as OpenEXR's: against the azimuth, from a quarter turn on.
-        Sky::Map(map) => match textures.picture("sky", map.size, |k| map.against(k, map.size[0] / 4))? {
+        // The first column of OpenEXR's panoramas looks to +y, a quarter turn after ours.
+        Sky::Map(map) => match textures.picture("sky", map.size, |k| map.from_column(map.size[0] / 4, k))? {
             Paint::File(file) => format!(
                 "        asset inputs:texture:file = @{file}@\n        token inputs:texture:format = \"latlong\"\n"
             ),

@@ -3,6 +3,7 @@
 use crate::atomic::{self, Pending};
 use crate::{Error, Result, guard, memory};
 use exr::block::reader::ChunksReader;
+use exr::meta::header::Header;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec,
     WritableImage,
@@ -34,6 +35,21 @@ pub struct ExrInfo {
     pub channels: Vec<String>,
     /// Whether any channel is stored as half (which keeps about 5e-4 relative).
     pub half: bool,
+}
+
+/// A part of an EXR file (other programs call it a layer or a view), without its samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExrPart {
+    /// The size of its data window, and what it holds.
+    pub info: ExrInfo,
+    /// Its name, where it has one.
+    pub name: Option<String>,
+    /// Column and row of the data window's first pixel in the display window; negative outside of it.
+    pub offset: [i64; 2],
+    /// Columns and rows of the display window, which is the whole picture.
+    pub display: [usize; 2],
+    /// CIE x and y of red, green, blue and white, where the file states them.
+    pub chromaticities: Option<[[f64; 2]; 4]>,
 }
 
 /// How EXR samples are packed.
@@ -78,11 +94,33 @@ impl Maps {
 pub fn exr_info(path: &Path) -> Result<ExrInfo> {
     let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
     let reader = guarded(path, || exr::block::read(BufReader::new(file), false).map_err(|e| broken(path, &e)))?;
-    info_of(path, &reader)
+    info_of(path, reader.headers().first())
 }
 
-fn info_of<R: std::io::Read + std::io::Seek>(path: &Path, reader: &exr::block::reader::Reader<R>) -> Result<ExrInfo> {
-    let header = reader.headers().first().ok_or_else(|| Error::input(path, "the file holds no image"))?;
+/// Reads the headers of all parts of an EXR file.
+///
+/// # Errors
+/// As [`exr_info`].
+pub fn exr_parts(path: &Path) -> Result<Vec<ExrPart>> {
+    let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let reader = guarded(path, || exr::block::read(BufReader::new(file), false).map_err(|e| broken(path, &e)))?;
+    let part = |header: &Header| {
+        let (own, shared) = (&header.own_attributes, &header.shared_attributes);
+        let (window, point) = (shared.display_window, |v: exr::math::Vec2<f32>| [v.x(), v.y()].map(f64::from));
+        let offset = [(own.layer_position.x(), window.position.x()), (own.layer_position.y(), window.position.y())];
+        Ok(ExrPart {
+            info: info_of(path, Some(header))?,
+            name: own.layer_name.as_ref().map(ToString::to_string),
+            offset: offset.map(|(data, display)| i64::from(data) - i64::from(display)),
+            display: [window.size.width(), window.size.height()],
+            chromaticities: shared.chromaticities.map(|c| [c.red, c.green, c.blue, c.white].map(point)),
+        })
+    };
+    reader.headers().iter().map(part).collect()
+}
+
+fn info_of(path: &Path, header: Option<&Header>) -> Result<ExrInfo> {
+    let header = header.ok_or_else(|| Error::input(path, "the file holds no image"))?;
     if header.deep {
         return Err(Error::input(path, "deep images are not supported; expected flat float channels"));
     }
@@ -111,18 +149,26 @@ pub fn read_exr(path: &Path) -> Result<Maps> {
     read_exr_rows(path, None, None)
 }
 
-/// Reads some channels (all when `None`, in the order asked) and some rows (all when `None`), decompressing only the
-/// blocks that hold them.
+/// Reads some channels (all when `None`, in the order asked) and some rows (all when `None`) of the first part,
+/// decompressing only the blocks that hold them.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file and, for a missing channel, the channel.
 pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usize>>) -> Result<Maps> {
+    read_exr_part(path, 0, names, rows)
+}
+
+/// As [`read_exr_rows`], of the part with this place among [`exr_parts`]. Rows are those of its data window.
+///
+/// # Errors
+/// As [`read_exr_rows`].
+pub fn read_exr_part(path: &Path, part: usize, names: Option<&[&str]>, rows: Option<Range<usize>>) -> Result<Maps> {
     let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
     guarded(path, || {
         let reader = exr::block::read(BufReader::with_capacity(1 << 17, file), false).map_err(|e| broken(path, &e))?;
-        let info = info_of(path, &reader)?;
+        let info = info_of(path, reader.headers().get(part))?;
         let stated = (info.width as u64).saturating_mul(info.height as u64);
-        let samples = reader.headers()[0].channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u64);
+        let samples = reader.headers()[part].channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u64);
         let length = std::fs::metadata(path).map_err(|e| Error::input(path, atomic::explain(&e)))?.len();
         if stated.saturating_mul(samples.sum()) > length.saturating_mul(MOST_COMPRESSED) {
             let [w, h] = [info.width, info.height];
@@ -173,14 +219,14 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
         let chunks = reader
             .filter_chunks(false, |_, tile, block| {
                 let (y0, y1) = (block.pixel_position.y(), block.pixel_position.y() + block.pixel_size.height());
-                block.layer == 0
+                block.layer == part
                     && tile.level_index.0 == 0
                     && tile.level_index.1 == 0
                     && y0 < rows.end
                     && y1 > rows.start
             })
             .map_err(|e| broken(path, &e))?;
-        let list = chunks.meta_data().headers[0].channels.clone();
+        let list = chunks.meta_data().headers[part].channels.clone();
         chunks
             .decompress_sequential(false, |_, block| {
                 for line in block.lines(&list) {

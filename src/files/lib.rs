@@ -13,6 +13,7 @@ pub mod instrument;
 pub mod memory;
 pub mod mesh;
 pub mod numbers;
+pub mod picture;
 pub mod progress;
 pub mod quantity;
 pub mod table;

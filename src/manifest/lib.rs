@@ -10,14 +10,16 @@ mod foliar;
 mod grass;
 mod leaf;
 mod light;
+mod picture;
 mod plant;
 mod validate;
 mod view;
 
 pub use grass::Grass;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
-pub use light::{Day, Shadows, Sky, Sun, Transfer};
+pub use light::{Day, Shadows, Sky, Sun, SunIn, Transfer};
 pub use mesophyll_surface::basis::Basis;
+pub use picture::Pictured;
 pub use plant::{
     BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
 };
@@ -117,6 +119,7 @@ impl Manifest {
         manifest.layer(0.0, false)?;
         manifest.share();
         manifest.spread()?;
+        manifest.read_picture()?;
         Ok(manifest)
     }
 
@@ -214,9 +217,19 @@ impl Manifest {
         self.sky.as_ref().is_some_and(|s| s.model.is_some())
     }
 
+    /// The sky's picture, if the sky is one.
+    pub fn pictured(&self) -> Option<&Pictured> {
+        self.sky.as_ref().and_then(|s| s.picture.as_deref())
+    }
+
+    /// Whether the sky's light depends on its direction.
+    pub fn varied_sky(&self) -> bool {
+        self.physical_sky() || self.sky.as_ref().is_some_and(|s| s.environment.is_some())
+    }
+
     /// The factor for radiance in a picture with a film's curve. It comes from the scene's camera where there is one.
     pub fn film_exposure(&self) -> f64 {
-        let unit = self.sky.as_ref().and_then(|s| s.scale).unwrap_or(1.0);
+        let unit = self.sky.as_ref().filter(|s| s.model.is_some()).and_then(|s| s.scale).unwrap_or(1.0);
         // A radiance of 1 kcd/m² is `unit` scene units.
         self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
     }

@@ -1,9 +1,11 @@
 //! The light of a scene: a sun, a sky, and the hours of a day.
 
+use crate::picture::Pictured;
 use mesophyll_sky::SkyModel;
 use mesophyll_transport::transfer::Method;
 use serde::Deserialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// The sun as a disk.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -22,6 +24,17 @@ pub struct Sun {
     /// Whether the sun will also stand elsewhere. Then the sky comes from the polynomial fit.
     #[serde(default)]
     pub moves: bool,
+    /// Whether it was taken from the picture of the sky, which the path tracer draws as it is.
+    #[serde(skip)]
+    pub in_picture: bool,
+}
+
+/// Where the sun of a sky that is a picture is to be found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum SunIn {
+    /// The picture shows it.
+    #[serde(rename = "in the picture")]
+    Picture,
 }
 
 /// A constant sky all around, a physical sky above the horizon, or an environment map.
@@ -30,15 +43,22 @@ pub struct Sun {
 pub struct Sky {
     /// Radiance of a constant sky.
     pub radiance: Option<[f64; 3]>,
-    /// An environment map: an EXR picture of everything around, with the zenith angle down and the azimuth across.
+    /// An environment map: a panorama of everything around, OpenEXR or Radiance.
     pub environment: Option<PathBuf>,
+    /// By how much the environment map is turned from +x towards +y.
+    pub rotation_deg: Option<f64>,
+    /// Where the sun is; when absent, it is taken from the environment map if that shows one and there is no [`Sun`].
+    pub sun: Option<SunIn>,
+    /// The environment map itself, as read.
+    #[serde(skip)]
+    pub picture: Option<Arc<Pictured>>,
     /// The model of a physical sky.
     pub model: Option<SkyModel>,
     /// Turbidity of the physical sky, from 2 (clear) to 10 (hazy).
     pub turbidity: Option<f64>,
     /// Reflectance of a level, matte ground that lights the scene from below; there is none when absent.
     pub ground_albedo: Option<[f64; 3]>,
-    /// Scene units of radiance for 1 kcd/m²; 1 when absent.
+    /// Scene units of radiance for 1 kcd/m², or for 1 in an environment map; 1 when absent.
     pub scale: Option<f64>,
 }
 

@@ -3,8 +3,8 @@
 use super::coded::{self, Steps};
 use super::manifest::Manifest;
 use crate::{Error, Result};
-use mesophyll_files::image::{Maps, exr_info, read_exr_rows};
 use mesophyll_files::memory;
+use mesophyll_files::picture::{self, RGB, Request};
 use std::path::{Path, PathBuf};
 
 /// Largest picture that is read (pixels); larger ones can be developed smaller.
@@ -31,8 +31,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads an EXR file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with 8 bits and a known
-    /// curve.
+    /// Reads an EXR or a Radiance file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with 8 bits
+    /// and a known curve.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel and
@@ -40,10 +40,11 @@ impl Picture {
     pub fn read(path: &Path, manifest: &Manifest) -> Result<Picture> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let (width, height, mut pixels, steps) = match extension.as_str() {
-            "exr" => exr(path)?,
+            "exr" | "hdr" => linear(path)?,
             "png" | "tif" | "tiff" | "jpg" | "jpeg" => coded::read(path, manifest.transfer)?,
             _ => {
-                let expected = "an .exr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
+                let expected =
+                    "an .exr or .hdr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
                 return Err(Error::input(path, format!("found a file of another kind, expected {expected}")));
             }
         };
@@ -109,9 +110,9 @@ pub(super) fn too_large(path: &Path, width: usize, height: usize) -> Result<()> 
     memory::require(BYTES * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
 }
 
-fn exr(path: &Path) -> Result<coded::Read> {
-    let info = exr_info(path)?;
-    too_large(path, info.width, info.height)?;
-    let maps: Maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
+fn linear(path: &Path) -> Result<coded::Read> {
+    let request = Request { names: &RGB, all: false, outside: f32::NAN };
+    let picture::Linear { maps, said } = picture::read(path, &request, |w, h| too_large(path, w, h))?;
+    picture::tell(path, &said);
     Ok((maps.width, maps.height, mesophyll_capture::reader::interleave(&maps), None))
 }

@@ -1,4 +1,4 @@
-//! The physical sky of a scene: Preetham's sky at a turbidity, turned to the sun's azimuth and in the scene's unit,
+//! The physical sky of a scene: a model's sky at a turbidity, turned to the sun's azimuth and in the scene's unit,
 //! with the sun's own light and the light that the ground returns. The renderer gets harmonics of it, and the reference
 //! gets the function itself.
 //!
@@ -12,15 +12,21 @@ use glam::DVec3;
 use mesophyll_fit_sky as fit;
 use mesophyll_manifest::Manifest;
 use mesophyll_sky::fitted::Folded;
-use mesophyll_sky::preetham::PreethamSky;
-use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};
+use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, Sky, SkyModel};
+use mesophyll_sky::{harmonics, irradiance, project, sun};
 use mesophyll_transport::tone::display;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+/// Perez coefficients A … E of luminance and chromaticities, and the factors of Y, Y/y and Y·x/y in the scene's unit.
+pub type Perez = ([[f64; 5]; 3], [f64; 3]);
 
 /// One sky above the horizon, with its sun and ground. Everything is in the scene's unit.
 #[derive(Debug, Clone)]
 pub struct Daylight {
-    sky: PreethamSky,
+    sky: Arc<dyn Sky>,
+    /// Perez coefficients and factors; `None` for a model that has none.
+    perez: Option<Perez>,
     /// Turbidity, from 2 (clear) to 10 (hazy).
     pub turbidity: f64,
     /// Zenith angle of the sun (rad).
@@ -67,7 +73,8 @@ pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
         return (daylight.sun, daylight.level.map(|e| e / PI));
     }
     let sun = manifest.sun.as_ref().and_then(|s| s.irradiance).unwrap_or_default();
-    (sun, manifest.sky.as_ref().and_then(|s| s.radiance).unwrap_or_default())
+    let sky = manifest.pictured().map(|p| p.rest.mean()).or_else(|| manifest.sky.as_ref()?.radiance);
+    (sun, sky.unwrap_or_default())
 }
 
 impl Daylight {
@@ -86,22 +93,25 @@ impl Daylight {
     /// # Errors
     /// As [`Daylight::of`].
     pub fn at(manifest: &Manifest, zenith: f64, azimuth: f64, turbidity: f64) -> Result<Daylight> {
-        let sky = Preetham.at(zenith, turbidity).map_err(|e| Error::field(&manifest.path, "sky", e.to_string()))?;
+        let refused = |e: Refused| Error::field(&manifest.path, "sky", e.to_string());
         let told = manifest.sky.as_ref();
         let scale = told.and_then(|s| s.scale).unwrap_or(1.0);
+        let albedo = told.and_then(|s| s.ground_albedo);
+        let (sky, perez): (Arc<dyn Sky>, _) = match told.and_then(|s| s.model).unwrap_or_default() {
+            SkyModel::Preetham => {
+                let sky = Preetham.at(zenith, turbidity).map_err(refused)?;
+                let perez = (sky.turbid().perez(), sky.prefactors().map(|v| v * scale));
+                (Arc::new(sky), Some(perez))
+            }
+            SkyModel::HosekWilkie => {
+                let model = HosekWilkie { albedo: albedo.unwrap_or_default() };
+                (Arc::from(model.sky(zenith, turbidity).map_err(refused)?), None)
+            }
+        };
         let stated = manifest.sun.as_ref().and_then(|s| s.irradiance);
-        let level = irradiance::on_level_ground(&project::direct(&sky, 2)).map(|v| v * scale);
+        let level = irradiance::on_level_ground(&project::direct(sky.as_ref(), 2)).map(|v| v * scale);
         let sun = stated.unwrap_or_else(|| sun::irradiance(zenith, turbidity).map(|v| v * scale));
-        Ok(Daylight {
-            sky,
-            turbidity,
-            zenith: sky.sun_zenith(),
-            azimuth,
-            scale,
-            sun,
-            albedo: told.and_then(|s| s.ground_albedo),
-            level,
-        })
+        Ok(Daylight { perez, turbidity, zenith: sky.sun_zenith(), azimuth, scale, sun, albedo, level, sky })
     }
 
     /// Irradiance of the sun on level ground.
@@ -133,7 +143,7 @@ impl Daylight {
     pub fn light(&self, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<Light> {
         let sky = match polynomials {
             Some(f) => f.coefficients(self.zenith, self.turbidity).map_err(|e| Error::Usage(e.to_string()))?,
-            None => project::direct(&self.sky, bands.max(2)),
+            None => project::direct(self.sky.as_ref(), bands.max(2)),
         };
         let sun = self.sun_on_ground().map(|v| v / self.scale);
         let level = irradiance::on_level_ground(&sky);
@@ -144,9 +154,9 @@ impl Daylight {
         Ok(Light { harmonics: harmonics::rotate_z(&whole, self.azimuth), ground })
     }
 
-    /// The Perez coefficients and factors, for drawing the sky.
-    pub fn perez(&self) -> ([[f64; 5]; 3], [f64; 3]) {
-        (self.sky.turbid().perez(), self.sky.prefactors().map(|v| v * self.scale))
+    /// The Perez coefficients and factors, for drawing the sky; `None` for a model that has none.
+    pub fn perez(&self) -> Option<Perez> {
+        self.perez
     }
 
     /// The error that each number of bands causes on a matte leaf that reflects a tenth: the largest error of a
@@ -195,13 +205,14 @@ impl Daylight {
     }
 }
 
-/// The sky's polynomials, if the sun `moves`. The fit is made once in a process, and noted at that time. Other scenes
-/// run no fit.
+/// The polynomials of the scene's sky, if the sun `moves`. The fit is made once in a process, and noted at that time.
+/// Other scenes run no fit, nor do those with another model than Preetham's: there each sun is integrated.
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.
-pub fn polynomials(moves: bool, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
-    match (moves, ledger.count("fit", "sky")) {
+pub fn polynomials(manifest: &Manifest, moves: bool, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
+    let fitted = manifest.sky.as_ref().and_then(|s| s.model) == Some(SkyModel::Preetham);
+    match (moves && fitted, ledger.count("fit", "sky")) {
         (false, _) => Ok(None),
         (true, 0) => ledger.note("fit", "sky", 0, fit::standard).map(Some),
         (true, _) => fit::standard().map(Some),

@@ -269,8 +269,9 @@ pub(crate) fn made_from(scene: &Scene, view: &View) -> Result<String> {
     }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
-    if let Some(file) = manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
-        parts.push(("environment".into(), hash::file(&manifest.resolve(file))?));
+    if let Some((file, sky)) = manifest.sky.as_ref().and_then(|s| Some((s.environment.as_ref()?, s))) {
+        let placed = format!("{:?} {:?} {}", sky.rotation_deg, sky.scale, hash::file(&manifest.resolve(file))?);
+        parts.push(("environment".into(), placed));
     }
     Ok(hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str()))))
 }

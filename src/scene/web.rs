@@ -8,8 +8,13 @@ use mesophyll_files::quantity::Quantity;
 use mesophyll_manifest::{Interior, Manifest, ViewKind};
 use mesophyll_optics::side::Sides;
 use mesophyll_placed::ledger::Ledger;
+use mesophyll_transport::environment::Environment;
 use mesophyll_viewer::ball_around;
 use std::path::Path;
+use std::sync::Arc;
+
+/// Columns of the picture of a sky, which would be most of the file otherwise.
+const SKY: usize = 1024;
 
 /// Everything that the browser needs of a scene. `pictures` is the folder of a run or check, whose reference pictures
 /// are taken over. The plants stand as in the first view.
@@ -26,6 +31,12 @@ pub fn bundle(scene: &Scene, pictures: &Path, ledger: &Ledger) -> Result<Bundle>
     let mut drawn = handover::shown(scene, ledger)?;
     if let Some(wind) = &mut drawn.wind {
         wind.time_s = time_s;
+    }
+    if let Some(picture) = drawn.dome.as_mut().and_then(|dome| dome.picture.as_mut()) {
+        let [width, height] = [picture.width, picture.height].map(|n| n as usize);
+        let map = Environment::new(width, height, picture.texels.to_vec()).map_err(Error::Usage)?.reduced(SKY);
+        let (width, height, texels) = map.texels();
+        (picture.width, picture.height, picture.texels) = (width as u32, height as u32, Arc::new(texels.to_vec()));
     }
     let size = [manifest.check.width, manifest.check.height];
     let view = |v: &mesophyll_manifest::View| -> Result<View> {

@@ -17,6 +17,7 @@
 //! - To turn, evaluate and sum harmonics: [`harmonics::Basis`], [`harmonics::rotate_z`], [`harmonics::evaluate`].
 //! - To light a surface: [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below.
 //! - For the sun's own light through that air: [`sun::irradiance`].
+//! - To know where a panorama looks: [`panorama`].
 //! - To reduce the ringing of a truncated series: [`window`].
 //!
 //! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of
@@ -29,6 +30,7 @@ pub mod fitted;
 pub mod harmonics;
 pub mod hosek_wilkie;
 pub mod irradiance;
+pub mod panorama;
 pub mod preetham;
 pub mod project;
 pub mod quadrature;
@@ -47,7 +49,7 @@ use std::f64::consts::FRAC_PI_2;
 pub struct Refused(pub String);
 
 /// One sky: its parameters are fixed, only the direction is free.
-pub trait Sky: Sync {
+pub trait Sky: std::fmt::Debug + Send + Sync {
     /// Angle of the sun from the zenith, 0 … π/2.
     fn sun_zenith(&self) -> f64;
 

@@ -10,7 +10,7 @@ use super::visibility::light::{AreaLight, frame};
 use super::world::World;
 use crate::{Error, Result};
 use glam::DVec3;
-use std::f64::consts::PI;
+use mesophyll_sky::panorama;
 
 /// Radiance in the texels of a cube map.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,13 +96,7 @@ impl CubeLight {
     /// # Errors
     /// [`Error::Usage`] for values that are no radiance.
     pub fn environment(&self, rows: usize) -> Result<Environment> {
-        let texel = |k: usize| {
-            let (phi, theta) = ((k % (2 * rows)) as f64 + 0.5, (k / (2 * rows)) as f64 + 0.5);
-            let ((sin_p, cos_p), (sin_t, cos_t)) =
-                ((PI * phi / rows as f64).sin_cos(), (PI * theta / rows as f64).sin_cos());
-            self.at(DVec3::new(sin_t * cos_p, sin_t * sin_p, cos_t)).map(|v| v as f32)
-        };
-        let texels = (0..2 * rows * rows).map(texel).collect();
+        let texels = panorama::centres(2 * rows, rows).map(|d| self.at(DVec3::from(d)).map(|v| v as f32)).collect();
         Environment::new(2 * rows, rows, texels).map_err(|what| Error::Usage(format!("light of a cube: {what}")))
     }
 }
@@ -166,6 +160,7 @@ fn step(
 mod tests {
     use super::*;
     use crate::world::ReferenceSun;
+    use std::f64::consts::PI;
 
     fn world() -> World {
         let sun = ReferenceSun { direction: DVec3::new(0.3, -0.5, 0.8), irradiance: [3.0, 2.0, 1.0], radius: 0.00465 };

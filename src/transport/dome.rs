@@ -20,8 +20,11 @@ pub type RadianceAt = Arc<dyn Fn(DVec3) -> [f64; 3] + Send + Sync>;
 pub struct Dome {
     /// The radiance that lights the leaves.
     pub radiance: RadianceAt,
-    /// The radiance that is drawn below the horizon.
-    pub seen_below: [f64; 3],
+    /// The radiance that is drawn below the horizon, where that is one colour.
+    pub seen_below: Option<[f64; 3]>,
+    /// Directions and the light from each (radiance times solid angle), of which irradiance is the sum. `None`: a rule
+    /// for skies that are smooth above the horizon and below it.
+    pub nodes: Option<Arc<Vec<(DVec3, [f64; 3])>>>,
 }
 
 impl std::fmt::Debug for Dome {
@@ -36,13 +39,18 @@ pub(super) const BELOW: u32 = u32::MAX - 1;
 pub(super) const DISK: u32 = u32::MAX - 2;
 
 impl Dome {
+    /// The radiance that is seen in a direction, without the sun. A model's blue may be slightly negative, which is 0.
+    pub fn behind(&self, d: DVec3) -> [f64; 3] {
+        let below = self.seen_below.filter(|_| d.z <= 0.0);
+        below.unwrap_or_else(|| (self.radiance)(d).map(|v| v.max(0.0)))
+    }
+
     /// The radiance that is seen in a direction: the sky, with the sun's disk in front of it.
     pub(super) fn seen(&self, d: DVec3, sun: Option<&ReferenceSun>) -> ([f64; 3], u32) {
-        if d.z <= 0.0 {
-            return (self.seen_below, BELOW);
+        let mut radiance = self.behind(d);
+        if d.z <= 0.0 && self.seen_below.is_some() {
+            return (radiance, BELOW);
         }
-        // A model's blue may be slightly negative.
-        let mut radiance = (self.radiance)(d).map(|v| v.max(0.0));
         if let Some(sun) = sun
             && sun.radius > 0.0
             && d.angle_between(sun.direction) < sun.radius
@@ -68,21 +76,8 @@ const SPOKES: usize = 120;
 impl IrradianceMap {
     /// Integrates `dome` for every normal of the grid.
     pub fn new(dome: &Dome) -> IrradianceMap {
-        let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
-        // Nodes with z = ±t² are dense near the horizon, where skies change fastest and the ground begins.
-        for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 64, 96)] {
-            for i in 0..rings {
-                let t = (f64::from(i) + 0.5) / f64::from(rings);
-                let z = sign * t * t;
-                let s = (1.0 - z * z).sqrt();
-                for k in 0..spokes {
-                    let (sin, cos) = (TAU * (f64::from(k) + 0.5) / f64::from(spokes)).sin_cos();
-                    let d = DVec3::new(s * cos, s * sin, z);
-                    let weight = 2.0 * t / f64::from(rings) * TAU / f64::from(spokes);
-                    nodes.push((d, (dome.radiance)(d).map(|v| v * weight)));
-                }
-            }
-        }
+        let own = || Arc::new(nodes(dome));
+        let nodes = dome.nodes.clone().unwrap_or_else(own);
         let values = (0..RINGS * SPOKES)
             .into_par_iter()
             .map(|k| {
@@ -106,6 +101,26 @@ impl IrradianceMap {
         let (a, b, c, d) = (get(i, k), get(i, k + 1), get(i + 1, k), get(i + 1, k + 1));
         [0, 1, 2].map(|q| (a[q] * (1.0 - t) + b[q] * t) * (1.0 - s) + (c[q] * (1.0 - t) + d[q] * t) * s)
     }
+}
+
+/// Nodes of a product rule over the sphere.
+fn nodes(dome: &Dome) -> Vec<(DVec3, [f64; 3])> {
+    let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
+    // Nodes with z = ±t² are dense near the horizon, where skies change fastest and the ground begins.
+    for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 64, 96)] {
+        for i in 0..rings {
+            let t = (f64::from(i) + 0.5) / f64::from(rings);
+            let z = sign * t * t;
+            let s = (1.0 - z * z).sqrt();
+            for k in 0..spokes {
+                let (sin, cos) = (TAU * (f64::from(k) + 0.5) / f64::from(spokes)).sin_cos();
+                let d = DVec3::new(s * cos, s * sin, z);
+                let weight = 2.0 * t / f64::from(rings) * TAU / f64::from(spokes);
+                nodes.push((d, (dome.radiance)(d).map(|v| v * weight)));
+            }
+        }
+    }
+    nodes
 }
 
 fn direction(ring: f64, spoke: f64) -> DVec3 {
@@ -140,7 +155,7 @@ mod tests {
     #[test]
     fn irradiance_meets_its_closed_forms() {
         let a = DVec3::new(0.3, -0.5, 0.6);
-        let of = |radiance: RadianceAt| IrradianceMap::new(&Dome { radiance, seen_below: [0.0; 3] });
+        let of = |radiance: RadianceAt| IrradianceMap::new(&Dome { radiance, seen_below: Some([0.0; 3]), nodes: None });
         let linear = of(Arc::new(move |d| [1.0 + a.dot(d); 3]));
         let half = of(Arc::new(|d| if d.z > 0.0 { [1.0; 3] } else { [0.0; 3] }));
         for k in 0..200 {

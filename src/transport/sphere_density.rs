@@ -1,18 +1,20 @@
 //! A density over directions, as a table over zenith and azimuth. Light from a sky or an environment map is sampled by
 //! it.
 //!
-//! The table has values at the centres of W × H texels. Row 0 is at the zenith, column 0 is towards +x, and azimuth
-//! turns towards +y. A cell lies between the centres of four texels. There the density is bilinear, times the mean sine
-//! of the zenith angle in the cell's row. It wraps around in azimuth and is constant beyond the outermost rows.
-//! Sampling is exact: a cell is drawn by its share, and a point in the cell by the bilinear function (Pharr, Jakob &
-//! Humphreys 2023, §2.4.2 and §A.4).
+//! The table has values at the centres of W × H texels, as a panorama has them ([`panorama`]). A cell lies between the
+//! centres of four texels. There the density is bilinear, times the mean sine of the zenith angle in the cell's row. It
+//! wraps around in azimuth and is constant beyond the outermost rows. Sampling is exact: a cell is drawn by its share,
+//! and a point in the cell by the bilinear function (Pharr, Jakob & Humphreys 2023, §2.4.2 and §A.4).
 
 use glam::DVec3;
-use std::f64::consts::{PI, TAU};
+use mesophyll_sky::panorama;
+use std::f64::consts::PI;
 
 /// A table over directions that can be sampled.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SphereDensity {
+    /// By how much the table is turned from +x towards +y (whole turns).
+    pub turn: f64,
     columns: usize,
     rows: usize,
     /// Values at texel centres, row by row.
@@ -39,12 +41,10 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// The cell that contains a unit direction.
-    pub fn of(d: DVec3, columns: usize, rows: usize) -> Cell {
-        let x = (d.y.atan2(d.x) / TAU).rem_euclid(1.0) * columns as f64 - 0.5;
-        // This is more accurate near the zenith than the arc cosine.
-        let zenith = d.truncate().length().atan2(d.z);
-        let y = zenith / PI * rows as f64 - 0.5;
+    /// The cell that contains a unit direction, in a map that is turned by so many whole turns.
+    pub fn of(d: DVec3, columns: usize, rows: usize, turn: f64) -> Cell {
+        let [u, v] = panorama::place(d.to_array());
+        let (x, y) = ((u + turn) * columns as f64 - 0.5, v * rows as f64 - 0.5);
         let (i, j) = (x.floor(), y.floor());
         let wrap = |i: f64| (i as isize).rem_euclid(columns as isize) as usize;
         let clamp = |j: f64| (j.max(0.0) as usize).min(rows - 1);
@@ -89,7 +89,7 @@ impl SphereDensity {
         let total = row_sums[rows + 1];
         row_sums.iter_mut().for_each(|s| *s /= total);
         let usable = total.is_finite() && total > 0.0;
-        usable.then_some(SphereDensity { columns, rows, values, sine, row_sums, column_sums, total })
+        usable.then_some(SphereDensity { turn: 0.0, columns, rows, values, sine, row_sums, column_sums, total })
     }
 
     /// The same with every value at least `least`.
@@ -104,11 +104,11 @@ impl SphereDensity {
 
     /// Probability density (1/sr) of a unit direction.
     pub fn of(&self, d: DVec3) -> f64 {
-        let cell = Cell::of(d, self.columns, self.rows);
-        let zenith = d.truncate().length().atan2(d.z);
-        let row = ((zenith / PI * self.rows as f64 + 0.5) as usize).min(self.rows);
+        let cell = Cell::of(d, self.columns, self.rows, self.turn);
+        let [_, zenith] = panorama::place(d.to_array());
+        let row = ((zenith * self.rows as f64 + 0.5) as usize).min(self.rows);
         let value = cell.mix(|i, j| f64::from(self.values[j * self.columns + i]));
-        let sin = zenith.sin();
+        let sin = (PI * zenith).sin();
         if sin > 0.0 { value * self.sine[row] / (self.total * 2.0 * PI * PI * sin) } else { 0.0 }
     }
 
@@ -124,12 +124,8 @@ impl SphereDensity {
         let x = linear(u, a + (c - a) * y, b + (d - b) * y);
         let edge = |r: f64| ((r - 0.5) / self.rows as f64).clamp(0.0, 1.0);
         let (top, bottom) = (edge(r as f64), edge(r as f64 + 1.0));
-        let (sin, cos) = (PI * (top + (bottom - top) * y)).sin_cos();
-        let (east, north) = {
-            let (s, c) = (TAU * (i as f64 + 0.5 + x) / self.columns as f64).sin_cos();
-            (c, s)
-        };
-        DVec3::new(sin * east, sin * north, cos)
+        let place = [(i as f64 + 0.5 + x) / self.columns as f64 - self.turn, top + (bottom - top) * y];
+        DVec3::from(panorama::direction(place))
     }
 }
 

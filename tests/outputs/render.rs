@@ -176,7 +176,7 @@ fn what_cannot_be_drawn_is_refused_in_one_sentence() {
         for channel in channels {
             let mut values = vec![1.0; width * height];
             if let Some((k, v)) = at {
-                values[k] = v;
+                values[k..].fill(v);
             }
             map.push(*channel, values);
         }

@@ -93,7 +93,12 @@ fn a_mistake_in_a_sky_is_named() {
     let dir = tempfile::tempdir().unwrap();
     for (from, to, expected) in [
         ("\"preetham\"", "\"perez\"", "unknown variant `perez`"),
-        ("\"preetham\"", "\"hosek-wilkie\"", "sky.model: found hosek-wilkie, which scenes cannot draw yet"),
+        (
+            "model = \"preetham\"\nturbidity = 3",
+            "model = \"hosek-wilkie\"\nturbidity = 0.9",
+            "sky.turbidity: found 0.9, expected 1 to 10",
+        ),
+        ("turbidity = 3", "turbidity = 3\nrotation_deg = 4", "sky.rotation_deg: given beside model"),
         ("turbidity = 3", "turbidity = 12", "sky.turbidity: found 12, expected 1.7 to 10"),
         ("turbidity = 3", "", "sky.turbidity: missing"),
         ("turbidity = 3", "turbidity = 3\nradiance = [1, 1, 1]", "sky.model: given beside radiance"),

@@ -171,6 +171,7 @@ fn an_even_dome_is_a_constant_sky() {
         let mut harmonics = vec![[0.0; 3]; 9];
         harmonics[0] = [0.8, 0.9, 1.2].map(|v: f32| v * (4.0 * PI).sqrt());
         scene.dome = Some(Dome {
+            picture: None,
             harmonics,
             perez: [[0.0; 5]; 3],
             scale: [0.0; 3],

@@ -21,11 +21,12 @@ const EXAMPLES: &str = "Examples:
 ///
 /// DIR gets fit.toml, times.toml and coefficients.json (the arrays in f32).
 ///
-/// With --panorama: from a picture of the sky (EXR, linear, white-balanced, proportional to radiance) the sun's zenith
-/// angle and azimuth, the turbidity and the reading of one kcd/m², with standard errors. Azimuth grows from +x to +y;
-/// an equirectangular picture's middle column looks to +x and its right half towards -y, a fisheye's top is +x and its
-/// right +y. Ignored pixels: those that are NaN, those whose mask or alpha channel A is below 1/2, and those below the
-/// horizon. The fit finds clipped pixels, clouds and the sun's disk by itself and leaves them out of the sky.
+/// With --panorama: from a picture of the sky (OpenEXR or Radiance, linear, white-balanced, proportional to radiance)
+/// the sun's zenith angle and azimuth, the turbidity and the reading of one kcd/m², with standard errors. Azimuth grows
+/// from +x to +y; an equirectangular picture's middle column looks to +x and its right half towards -y, a fisheye's top
+/// is +x and its right +y. Ignored pixels: those that are NaN, those whose mask or alpha channel A is below 1/2, and
+/// those below the horizon. The fit finds clipped pixels, clouds and the sun's disk by itself and leaves them out of
+/// the sky.
 ///
 /// The sun is taken from its disk where the picture shows it, unless the sky's brightness tells its place more closely
 /// and the disk agrees; the answer says which. The disk is one compact spot far brighter than the sky, or clipped.
@@ -58,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
     /// Fit sun, turbidity and scale of this picture of the sky
-    #[arg(long, value_name = "FILE.exr",
+    #[arg(long, value_name = "FILE",
         conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
     panorama: Option<PathBuf>,
     /// With --panorama: how pixels map to directions

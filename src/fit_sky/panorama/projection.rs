@@ -1,15 +1,15 @@
 //! The directions that the pixels of a panorama look in. Azimuth grows from +x to +y, which is counter-clockwise seen
 //! from above; z is up.
 //!
-//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row. The middle column looks to
-//!   +x, and the columns to the right of it towards −y, as for a camera that turns to its right: azimuth 2π(½ − u),
-//!   zenith angle πv (or πv/2).
+//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row, as [`panorama`] says:
+//!   azimuth 2π(½ − u), zenith angle πv (or πv/2).
 //! - Fisheye, square, equidistant about the zenith (an angular map that looks up). The top of the picture is +x and its
 //!   right is +y. The zenith angle is the distance from the middle over half the width, times half the field. Outside
 //!   of that circle there is nothing.
 //!
 //! Directions are those of pixel centres: u = (column + ½)/width, and v likewise for rows.
 
+use mesophyll_sky::panorama;
 use std::f64::consts::{PI, TAU};
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
@@ -68,21 +68,17 @@ impl Projection {
     /// Unit vector of a pixel's centre; `None` outside a fisheye's circle.
     pub fn direction(self, width: usize, height: usize, column: usize, row: usize) -> Option<[f64; 3]> {
         let (u, v) = ((column as f64 + 0.5) / width as f64, (row as f64 + 0.5) / height as f64);
-        let (theta, phi) = match self {
+        match self {
             Projection::Equirectangular => {
-                let whole = if width == 4 * height { 0.5 * PI } else { PI };
-                (whole * v, TAU * (0.5 - u))
+                Some(panorama::direction([u, if width == 4 * height { 0.5 * v } else { v }]))
             }
             Projection::Fisheye { field } => {
                 let (right, up) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
                 let r = right.hypot(up);
-                if r > 1.0 {
-                    return None;
-                }
-                (0.5 * field * r, right.atan2(up))
+                let (theta, phi) = (0.5 * field * r, right.atan2(up));
+                (r <= 1.0).then(|| [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()])
             }
-        };
-        Some([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()])
+        }
     }
 
     /// Height of a pixel in the middle of the picture (rad).

@@ -6,7 +6,8 @@ use super::projection::{Projection, ProjectionKind};
 use super::{Found, NAMES, clipped};
 use crate::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::picture::{self as files, Request};
 use mesophyll_files::table::Status;
 use mesophyll_record::maker::{self, Maker};
 use mesophyll_record::{FitKind, Param, Residuals, Section};
@@ -37,7 +38,13 @@ pub fn make(path: &Path, out: &Path, options: &Options) -> Result<Found> {
     let (path, inputs, options) = (path.to_path_buf(), [path], options.clone());
     maker::make(FitKind::Panorama, out, &inputs, move |maker| {
         let projection = Projection::of(options.projection, options.field_deg);
-        let picture = maker.phase("read", || picture::read(&path, &read_exr(&path)?, projection, &options.channels))?;
+        let picture = maker.phase("read", || {
+            let names: Vec<&str> = options.channels.radiance.iter().map(String::as_str).collect();
+            let fits = |w, h| projection.check(w, h).map_err(|why| Error::field(&path, "size", why));
+            let read = files::read(&path, &Request { names: &names, all: true, outside: f32::NAN }, fits)?;
+            files::tell(&path, &read.said);
+            picture::read(&path, &read.maps, projection, &options.channels)
+        })?;
         if let Some(n) = options.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
             return Err(Error::Usage(format!(
                 "--noise is {n}; expected more than 0 and less than 1 (relative to a reading)"

@@ -59,12 +59,12 @@ pub fn lights(p: &Place) -> Result<()> {
             p.range(HEADER, 0, "bands", bands as f64, [1.0, 7.0], "bands")?;
         }
         for (given, what) in [
-            (p.manifest.periodic.is_some(), "a scene that repeats"),
-            (p.manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()), "an environment map"),
-            (p.manifest.leaves.iter().any(|l| l.discs.is_some()), "a leaf of discs"),
+            (p.manifest.periodic.is_some(), "in a scene that repeats"),
+            (p.manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()), "under an environment map"),
+            (p.manifest.leaves.iter().any(|l| l.discs.is_some()), "between leaves of discs"),
         ] {
             if given {
-                let why = format!("given, but the real-time renderer, which it is for, does not draw {what}");
+                let why = format!("given, but the real-time renderer, which it is for, draws no such light {what}");
                 return Err(p.error(HEADER, 0, "", why));
             }
         }
@@ -80,22 +80,31 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
     if sky.radiance.is_some() || sky.environment.is_some() {
         let (what, has) = match sky.radiance {
             Some(_) => ("radiance", "a constant sky has none, a physical one no radiance"),
-            None => ("environment", "an environment map is all there is"),
+            None => ("environment", "an environment map is the whole sky"),
         };
+        let even = sky.radiance.is_some();
         for (key, given) in [
             ("environment", sky.environment.is_some() && sky.radiance.is_some()),
             ("model", sky.model.is_some()),
             ("turbidity", sky.turbidity.is_some()),
             ("ground_albedo", sky.ground_albedo.is_some()),
-            ("scale", sky.scale.is_some()),
+            ("scale", even && sky.scale.is_some()),
+            ("rotation_deg", even && sky.rotation_deg.is_some()),
+            ("sun", even && sky.sun.is_some()),
         ] {
             if given {
                 return Err(p.error(HEADER, 0, key, format!("given beside {what}; {has}")));
             }
         }
+        if sky.sun.is_some() && p.manifest.sun.is_some() {
+            let why = "found \"in the picture\", but the scene has a [sun]; expected one of the two";
+            return Err(p.error(HEADER, 0, "sun", why));
+        }
+        p.finite(HEADER, 0, "rotation_deg", &[sky.rotation_deg.unwrap_or(0.0)])?;
+        sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "factor on the picture's radiance"))?;
         return sky.radiance.as_ref().map_or(Ok(()), |radiance| p.colour(HEADER, "radiance", radiance));
     }
-    if sky.model.is_none() {
+    let Some(model) = sky.model else {
         return Err(p.error(
             HEADER,
             0,
@@ -103,9 +112,11 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
             "missing, and no model or environment either; expected a constant radiance, model = \"preetham\" or an \
              environment map",
         ));
-    }
-    if sky.model == Some(SkyModel::HosekWilkie) {
-        return Err(p.error(HEADER, 0, "model", "found hosek-wilkie, which scenes cannot draw yet; expected preetham"));
+    };
+    for (key, given) in [("rotation_deg", sky.rotation_deg.is_some()), ("sun", sky.sun.is_some())] {
+        if given {
+            return Err(p.error(HEADER, 0, key, "given beside model; a physical sky is turned to its [sun]"));
+        }
     }
     let Some(sun) = &p.manifest.sun else {
         return Err(p.error(HEADER, 0, "model", "given without a [sun]; a physical sky needs one"));
@@ -121,7 +132,7 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
     let Some(turbidity) = sky.turbidity else {
         return Err(p.error(HEADER, 0, "turbidity", "missing; a physical sky needs one"));
     };
-    if p.manifest.sun_moves() {
+    if p.manifest.sun_moves() && model == SkyModel::Preetham {
         p.range(
             HEADER,
             0,
@@ -131,7 +142,8 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
             "where the sun moves (what the polynomials were fitted to)",
         )?;
     }
-    p.range(HEADER, 0, "turbidity", turbidity, preetham::TURBIDITIES, "")?;
+    let turbidities = model.over(0.0).map_or(preetham::TURBIDITIES, |model| model.turbidities());
+    p.range(HEADER, 0, "turbidity", turbidity, turbidities, "")?;
     for albedo in sky.ground_albedo.iter().flatten() {
         p.range(HEADER, 0, "ground_albedo", *albedo, [0.0, 1.0], "a channel")?;
     }

@@ -21,7 +21,11 @@ use mesophyll_placed::ledger::Ledger;
 use mesophyll_placed::placement::Placement;
 use mesophyll_placed::plant::Wood;
 use mesophyll_sky::fitted::Folded;
+use mesophyll_sky::{Coefficients, panorama};
+use mesophyll_transport::environment::Environment;
 use mesophyll_viewer::scene as viewer;
+use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A leaf gets levels of detail if it is drawn with more triangles than this in total, which is the number of pixels of
 /// a small picture.
@@ -100,7 +104,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         if !placed.free && !manifest.sun_moves() && !grass::seen_from_above(lawn, &slices, manifest) {
             drawn.level = None;
         }
-        out.grass.push(std::sync::Arc::new(drawn));
+        out.grass.push(Arc::new(drawn));
     }
     if placed.moves().with_time() {
         out.wind = Some(viewer::Wind { time_s: manifest.rest_time() });
@@ -181,7 +185,6 @@ fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
 fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let beyond = [
-        ("sky.environment", "environment maps", manifest.sky.as_ref().is_some_and(|s| s.environment.is_some())),
         ("periodic", "scenes that repeat", manifest.periodic.is_some()),
         ("leaf.discs", "discs", manifest.leaves.iter().any(|l| l.discs.is_some())),
     ];
@@ -192,8 +195,11 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
     let daylight = Daylight::of(manifest)?;
     let own = daylight.as_ref().map(|d| d.sun);
     let dome = match &daylight {
-        Some(d) => Some(dome(d, plan.light.sky_bands, daylight::polynomials(plan.light.sun_moves, ledger)?)?),
-        None => None,
+        Some(d) => {
+            let polynomials = daylight::polynomials(manifest, plan.light.sun_moves, ledger)?;
+            Some(dome(d, plan.light.sky_bands, polynomials)?)
+        }
+        None => manifest.pictured().map(|p| pictured(&p.rest, plan.light.sky_bands, sun_direction(manifest))),
     };
     Ok(viewer::Scene {
         meshes: Vec::new(),
@@ -229,9 +235,11 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
 /// [`Error::Usage`] for a sun or turbidity outside the range of the polynomials.
 pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<viewer::Dome> {
     let light = daylight.light(bands, polynomials)?;
-    let (perez, scale) = daylight.perez();
+    let picture = daylight.perez().is_none().then(|| looked_at(daylight));
+    let (perez, scale) = daylight.perez().unwrap_or_default();
     Ok(viewer::Dome {
-        harmonics: light.harmonics.values().iter().map(|c| c.map(|v| v as f32)).collect(),
+        harmonics: single(&light.harmonics),
+        picture,
         perez: perez.map(|row| row.map(|v| v as f32)),
         scale: scale.map(|v| v as f32),
         ground: light.ground.map(|c| c.map(|v| v as f32)),
@@ -239,6 +247,46 @@ pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>
         strength: 1.0,
         turbidity: daylight.turbidity as f32,
     })
+}
+
+/// Columns of the picture of a sky whose formula the renderer does not know: steps of 0.18°.
+const LOOK: usize = 2048;
+
+/// What a model's sky looks like. Below the horizon it goes on as it is just above it, because the renderer draws the
+/// ground there.
+fn looked_at(daylight: &Daylight) -> viewer::Backdrop {
+    let directions: Vec<[f64; 3]> = panorama::centres(LOOK, LOOK / 2).collect();
+    let seen = |d: &[f64; 3]| {
+        let above = DVec3::new(d[0], d[1], d[2].max(1e-4)).normalize();
+        daylight.radiance(above).map(|v| v.max(0.0) as f32)
+    };
+    let texels = Arc::new(directions.par_iter().map(seen).collect());
+    viewer::Backdrop { width: LOOK as u32, height: LOOK as u32 / 2, texels, turn: 0.0 }
+}
+
+/// A sky that is a picture: its harmonics light the leaves, and it is seen behind them.
+pub fn pictured(map: &Environment, bands: usize, sun: Option<DVec3>) -> viewer::Dome {
+    let (width, height, texels) = map.texels();
+    viewer::Dome {
+        harmonics: single(&map.harmonics(bands)),
+        picture: Some(viewer::Backdrop {
+            width: width as u32,
+            height: height as u32,
+            texels: Arc::new(texels.to_vec()),
+            turn: map.turn() as f32,
+        }),
+        perez: [[0.0; 5]; 3],
+        scale: [0.0; 3],
+        ground: None,
+        sun: sun.unwrap_or(DVec3::Z).as_vec3(),
+        strength: 1.0,
+        turbidity: 0.0,
+    }
+}
+
+/// Coefficients in the renderer's precision.
+fn single(of: &Coefficients) -> Vec<[f32; 3]> {
+    of.values().iter().map(|c| c.map(|v| v as f32)).collect()
 }
 
 /// The camera of a view.

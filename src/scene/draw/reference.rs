@@ -19,6 +19,7 @@ use mesophyll_placed::Placed;
 use mesophyll_placed::daylight::{Daylight, sun_direction};
 use mesophyll_placed::fits::reads;
 use mesophyll_placed::ledger::Ledger;
+use mesophyll_transport::environment::Environment;
 use mesophyll_transport::{self as transport, lobe, world};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -80,11 +81,11 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
     }
 }
 
-/// Everything through which the path tracer follows light, at a time (s). It is as [`world`], with the environment map,
-/// and with sunlight through every leaf that has maps for it, whether a view shows it or not.
+/// Everything through which the path tracer follows light, at a time (s). It is as [`world`], with the environment map
+/// as it is, and with sunlight through every leaf that has maps for it, whether a view shows it or not.
 ///
 /// # Errors
-/// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
+/// As [`world`].
 pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
     let mut out = still(scene, time, ledger)?;
     relight_everywhere(&mut out, scene)?;
@@ -94,18 +95,28 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
 /// The same for callers whose leaves have no maps of sunlight that passes through them.
 ///
 /// # Errors
-/// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
+/// As [`world`].
 pub fn still(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
     let mut out = unlit(scene, time, ledger)?;
     out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
-    if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
-        let path = scene.manifest.resolve(file);
-        let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
-        let map = ledger.note("read", "environment map", bytes, || transport::environment::Environment::read(&path))?;
-        out.environment = Some(Arc::new(map));
+    if let Some(picture) = scene.manifest.pictured() {
+        (out.dome, out.environment) = (None, Some(picture.whole.clone()));
+        out.sun = out.sun.filter(|_| !scene.manifest.sun.as_ref().is_some_and(|sun| sun.in_picture));
     }
     Ok(out)
+}
+
+/// Takes the sun out of the picture of a world that [`still`] made, and lets it shine by itself, for readers that draw
+/// a coarse picture and a sun.
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn part_sun(world: &mut transport::World, manifest: &Manifest) -> Result<()> {
+    if let Some(picture) = manifest.pictured() {
+        (world.environment, world.sun) = (Some(picture.rest.clone()), sun(manifest)?);
+    }
+    Ok(())
 }
 
 /// Adds the grain to the ground of a world that [`traced`] made, where the scene has one. Only pictures for people to
@@ -174,11 +185,11 @@ pub fn move_wood(world: &mut transport::World, placed: &Placed, time: f64) {
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.
 pub fn lights(manifest: &Manifest) -> Result<transport::World> {
-    let daylight = Daylight::of(manifest)?;
+    let daylight = Daylight::of(manifest)?.map(|d| dome(manifest, d, 1.0));
     Ok(transport::World {
         sun: sun(manifest)?,
         sky: manifest.sky.as_ref().and_then(|s| s.radiance),
-        dome: daylight.map(|d| dome(manifest, d, 1.0)),
+        dome: daylight.or_else(|| manifest.pictured().map(|p| pictured(&p.rest, 1.0))),
         background: manifest.background,
         exposure: manifest.exposure,
         ..transport::World::default()
@@ -196,7 +207,22 @@ pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport
     let below = ground.unwrap_or([0.0; 3]);
     transport::Dome {
         radiance: Arc::new(move |d| if d.z > 0.0 { daylight.radiance(d).map(|v| strength * v) } else { below }),
-        seen_below: ground.unwrap_or(manifest.background),
+        seen_below: Some(ground.unwrap_or(manifest.background)),
+        nodes: None,
+    }
+}
+
+/// Columns of the picture whose texels are the nodes of a matte leaf's light: steps of 1.4°.
+const NODES: usize = 256;
+
+/// A sky that is a picture, multiplied by `strength`.
+pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::Dome {
+    let (coarse, map) = (map.reduced(NODES), map.clone());
+    let light = |((d, size), texel): ((DVec3, f64), &[f32; 3])| (d, texel.map(|v| strength * size * f64::from(v)));
+    transport::Dome {
+        nodes: Some(Arc::new(coarse.centres().zip(coarse.texels().2).map(light).collect())),
+        radiance: Arc::new(move |d| map.at(d).map(|v| strength * v)),
+        seen_below: None,
     }
 }
 

@@ -72,6 +72,10 @@ fn lights(manifest: &Manifest) -> Result<Lights> {
     if let Some(radiance) = manifest.sky.as_ref().and_then(|s| s.radiance) {
         (out.sky, out.even_sky) = (radiance, radiance);
     }
+    if let Some(picture) = manifest.pictured() {
+        let brightest = |most: [f64; 3], t: &[f32; 3]| [0, 1, 2].map(|c| most[c].max(f64::from(t[c])));
+        out.sky = picture.rest.texels().2.iter().fold([0.0; 3], brightest);
+    }
     let Some(now) = Daylight::of(manifest)? else { return Ok(out) };
     let mut skies = vec![now];
     if let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) {

@@ -67,10 +67,10 @@ pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
             rho_t: f.through[1 - side] || (sky && f.seen[1 - side]),
             gloss: rho_d,
             translucency,
-            // Under a physical sky, the light of both sides depends on their normals.
+            // Under a sky that varies, the light of both sides depends on their normals.
             normal: f.lit[side]
                 || (f.through[1 - side] && !translucency)
-                || ((manifest.physical_sky() || between) && (f.seen[side] || f.seen[1 - side])),
+                || ((manifest.varied_sky() || between) && (f.seen[side] || f.seen[1 - side])),
             mean: cards.seen[side] || cards.through[1 - side] || (sky && cards.seen[1 - side]),
         }
     })
@@ -295,7 +295,7 @@ impl Plan {
             need(plan, GLOSS, "highlights of the sun or the sky show");
         }
         if needs.normal {
-            let why = if manifest.physical_sky() {
+            let why = if manifest.varied_sky() {
                 "the sky's light differs with where it turns"
             } else if !leaf.facing.lit[s] && needs.gloss {
                 "how much a glossy side mirrors of the sky depends on where it turns"

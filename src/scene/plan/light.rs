@@ -6,10 +6,11 @@ use super::{LeftOut, Need, Plan};
 use crate::Result;
 use glam::DVec3;
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_manifest::{Manifest, ViewKind};
+use mesophyll_manifest::{Manifest, Sky, ViewKind};
 use mesophyll_placed::Placed;
 use mesophyll_placed::daylight::{Daylight, levels, sun_direction};
 use mesophyll_placed::facing;
+use mesophyll_sky::SkyModel;
 use mesophyll_transport::tone::display;
 use std::time::Instant;
 
@@ -45,7 +46,12 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
         }
     }
     match &manifest.sky {
-        Some(sky) if sky.model.is_some() => physical_sky(manifest, plan)?,
+        Some(sky) if sky.model.is_some() => physical_sky(manifest, sky, plan)?,
+        Some(sky) if sky.environment.is_some() => {
+            let n = plan.light.sky_bands * plan.light.sky_bands;
+            let what = format!("a picture: {n}x3 coefficients, summed over it; drawn behind the leaves");
+            plan.need(Need { bytes: Some(16 * n as u64), ..Need::new("sky", what) });
+        }
         Some(_) => plan.need(Need::new(
             "sky",
             "constant: three numbers, and the lobe's directional albedo where a side is glossy",
@@ -60,7 +66,7 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
 
 /// Decides how many bands light the leaves, and whether their coefficients are integrated once or come from the
 /// polynomials.
-fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
+fn physical_sky(manifest: &Manifest, sky: &Sky, plan: &mut Plan) -> Result<()> {
     let Some(daylight) = Daylight::of(manifest)? else { return Ok(()) };
     let mut rows = Vec::new();
     for bands in [3usize, 5, 7] {
@@ -78,10 +84,15 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     // A highlight is sharper than diffuse light, so gloss needs all bands.
     plan.light.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
     let n = plan.light.sky_bands * plan.light.sky_bands;
-    let how = if plan.light.sun_moves { "from the polynomials" } else { "integrated for this sun and turbidity" };
+    let polynomials = plan.light.sun_moves && sky.model == Some(SkyModel::Preetham);
+    let how = if polynomials { "from the polynomials" } else { "integrated for this sun and turbidity" };
     let mut need = Need::new(
         "sky",
-        format!("preetham, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", daylight.turbidity),
+        format!(
+            "{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves",
+            sky.model.unwrap_or_default(),
+            daylight.turbidity
+        ),
     );
     if let Some(row) = row {
         let cost = plan.measured["sky bands"]
@@ -93,7 +104,7 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     }
     need.bytes = Some(16 * n as u64);
     plan.need(need);
-    if plan.light.sun_moves {
+    if polynomials {
         let mut need = Need::new(
             "sky polynomial (spherical harmonics)",
             "the sun moves: fit sky makes it, milliseconds, before the first picture",
@@ -168,6 +179,7 @@ pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
      and turbidity";
     let why = match (&manifest.sky, &manifest.sun) {
         (Some(sky), _) if sky.model.is_some() => fixed,
+        (Some(sky), _) if sky.environment.is_some() => "a picture does not follow the sun: its coefficients are summed",
         (Some(_), _) => {
             "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity"
         }

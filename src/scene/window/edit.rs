@@ -139,6 +139,9 @@ impl SceneEditor {
         });
         world.sky = scene.sky.map(|c| c.map(f64::from));
         world.dome = match &scene.dome {
+            Some(dome) if !dome.is_model() => {
+                self.scene.manifest.pictured().map(|p| reference::pictured(&p.rest, f64::from(dome.strength)))
+            }
             Some(dome) => {
                 let (zenith, azimuth) = angles(dome.sun);
                 let daylight = Daylight::at(&self.scene.manifest, zenith, azimuth, f64::from(dome.turbidity))?;
@@ -209,11 +212,12 @@ impl Editor for SceneEditor {
         let new = || -> Result<SkyUpdate> {
             let daylight = Daylight::at(&self.scene.manifest, zenith, azimuth, f64::from(turbidity))?;
             let [low, high] = mesophyll_sky::preetham::TRUSTED;
+            let (manifest, light) = (&self.scene.manifest, &self.scene.plan.light);
             let fitted = (low..=high)
                 .contains(&daylight.turbidity)
-                .then(|| daylight::polynomials(self.scene.plan.light.sun_moves, &self.ledger))
+                .then(|| daylight::polynomials(manifest, light.sun_moves, &self.ledger))
                 .transpose()?;
-            let dome = handover::dome(&daylight, self.scene.plan.light.sky_bands, fitted.flatten())?;
+            let dome = handover::dome(&daylight, light.sky_bands, fitted.flatten())?;
             Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })
         };
         new().map_err(|e| e.to_string())

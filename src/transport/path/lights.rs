@@ -7,6 +7,7 @@ use crate::environment::Environment;
 use crate::sphere_density::SphereDensity;
 use crate::world::{ReferenceSun, World};
 use glam::DVec3;
+use mesophyll_sky::panorama;
 use std::f64::consts::{PI, TAU};
 
 /// All lights of a scene.
@@ -195,13 +196,8 @@ fn sky(world: &World) -> (Sky, [f64; 3]) {
     }
     let Some(dome) = &world.dome else { return (Sky::None, [0.0; 3]) };
     let [columns, rows] = TABLE;
-    let direction = |k: usize| {
-        let (i, j) = (k % columns, k / columns);
-        let (theta, phi) = (PI * (j as f64 + 0.5) / rows as f64, TAU * (i as f64 + 0.5) / columns as f64);
-        DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
-    };
-    let texels: Vec<[f32; 3]> =
-        (0..columns * rows).map(|k| (dome.radiance)(direction(k)).map(|l| l.max(0.0) as f32)).collect();
+    let seen = |d: [f64; 3]| (dome.radiance)(DVec3::from(d)).map(|l| l.max(0.0) as f32);
+    let texels: Vec<[f32; 3]> = panorama::centres(columns, rows).map(seen).collect();
     let Ok(map) = Environment::new(columns, rows, texels) else { return (Sky::None, [0.0; 3]) };
     let mean = map.mean();
     let least = (LEAST * mean.iter().sum::<f64>() / 3.0) as f32;

@@ -79,8 +79,11 @@ fn wide_plates_meet_their_closed_form() {
 #[test]
 fn a_sheet_between_two_skies() {
     let mut world = plates(1e6, &[(0.0, [0.3, 0.2], 0.45)]);
-    world.dome =
-        Some(Dome { radiance: Arc::new(|d| if d.z > 0.0 { [2.0; 3] } else { [0.5; 3] }), seen_below: [0.5; 3] });
+    world.dome = Some(Dome {
+        radiance: Arc::new(|d| if d.z > 0.0 { [2.0; 3] } else { [0.5; 3] }),
+        seen_below: Some([0.5; 3]),
+        nodes: None,
+    });
     for strategy in [Strategy::Both, Strategy::Lights, Strategy::Surfaces] {
         let paths = Paths { bounces: None, strategy };
         let above = along(&world, DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO, paths, 8192);
@@ -217,7 +220,8 @@ fn drawn_directions_have_the_density_that_is_stated() {
         sun: Some(ReferenceSun { direction: DVec3::new(0.2, -0.5, 0.8), irradiance: [1.0; 3], radius: 0.5 }),
         dome: Some(Dome {
             radiance: Arc::new(|d| [if d.z > 0.0 { 1.0 + d.x + 3.0 * (8.0 * (d.z - 1.0)).exp() } else { 0.1 }; 3]),
-            seen_below: [0.0; 3],
+            seen_below: Some([0.0; 3]),
+            nodes: None,
         }),
         ..World::default()
     };
@@ -254,7 +258,7 @@ fn environment_maps_lie_as_stated() {
     let texels = (0..32).map(|k| [(k % columns) as f32, (k / columns) as f32, 1.0]).collect();
     let map = Environment::new(columns, rows, texels).unwrap();
     let at = |i: f64, j: f64| {
-        let (t, p) = (j * PI / rows as f64, i * 2.0 * PI / columns as f64);
+        let (t, p) = (j * PI / rows as f64, PI - i * 2.0 * PI / columns as f64);
         map.at(DVec3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos()))
     };
     for (i, j) in [(0.5, 0.5), (3.5, 2.5), (7.5, 3.5)] {

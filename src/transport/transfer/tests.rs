@@ -181,7 +181,7 @@ fn harmonics_and_the_light_itself_agree() {
         y.iter().zip(&coefficients).for_each(|(y, l)| (0..3).for_each(|c| sum[c] += y * l[c]));
         sum
     };
-    world.dome = Some(Dome { radiance: Arc::new(radiance), seen_below: [0.0; 3] });
+    world.dome = Some(Dome { radiance: Arc::new(radiance), seen_below: Some([0.0; 3]), nodes: None });
     let (mut squares, mut count) = (0.0, 0.0);
     for instance in 0..3 {
         let by_bands = of(&world, instance, [3, 2], Rows::Glossy(3), HARMONICS);

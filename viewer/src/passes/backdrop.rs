@@ -1,12 +1,12 @@
-//! An environment map that is seen behind everything and lights nothing. It is drawn first in the main pass, in the
-//! place of the background or the sky.
+//! A picture of everything around that is seen behind everything: a map that lights nothing, or a dome's look. It is
+//! drawn first in the main pass, in the place of the background or the sky.
 
 use crate::gpu::Gpu;
 use crate::maps::{Level, upload_table};
 use crate::passes::fullscreen;
 use crate::passes::main::DEPTH;
-use crate::passes::sky::pixel_rays;
-use crate::scene::{Backdrop, Camera};
+use crate::passes::sky::{disk_radiance, pixel_rays};
+use crate::scene::{Backdrop, Camera, Dome, Sun};
 use crate::stats::Stats;
 use glam::Vec3;
 
@@ -14,6 +14,14 @@ pub(crate) struct BackdropPass {
     pipeline: wgpu::RenderPipeline,
     rays: wgpu::Buffer,
     group: wgpu::BindGroup,
+    turn: f32,
+}
+
+/// The dome whose look the picture is, with the lights of a frame.
+pub(crate) struct Look<'a> {
+    pub dome: &'a Dome,
+    pub sun: Option<&'a Sun>,
+    pub background: [f32; 3],
 }
 
 impl BackdropPass {
@@ -57,7 +65,7 @@ impl BackdropPass {
             samples,
         );
         stats.pipeline("backdrop");
-        let rays = gpu.uniform("backdrop", &[[[0.0f32; 4]; 3]]);
+        let rays = gpu.uniform("backdrop", &[[[0.0f32; 4]; 6]]);
         let texels = backdrop.texels.iter().map(|[r, g, b]| [*r, *g, *b, 0.0]).collect();
         let map = upload_table(gpu, "backdrop", Level { width: backdrop.width, height: backdrop.height, texels });
         stats.upload("backdrop", map.bytes);
@@ -69,14 +77,27 @@ impl BackdropPass {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&map.view) },
             ],
         });
-        BackdropPass { pipeline, rays, group }
+        BackdropPass { pipeline, rays, group, turn: backdrop.turn }
     }
 
-    /// Takes over the camera of this frame.
-    pub(crate) fn aim(&self, gpu: &Gpu, camera: &Camera, size: [u32; 2]) {
-        let four = |v: Vec3| [v.x, v.y, v.z, 0.0];
-        let (_, rays) = pixel_rays(camera, size);
-        gpu.queue.write_buffer(&self.rays, 0, bytemuck::bytes_of(&rays.map(four)));
+    /// Takes over the camera of this frame and, of a dome's look, its lights.
+    pub(crate) fn aim(&self, gpu: &Gpu, camera: &Camera, size: [u32; 2], seen: Option<&Look>) {
+        let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
+        let (pixel, [corner, right, down]) = pixel_rays(camera, size);
+        let strength = seen.map_or(1.0, |s| s.dome.strength);
+        let horizon = seen.is_some_and(|s| s.dome.is_model());
+        let sun = seen.and_then(|s| s.sun);
+        let [r, g, b] = disk_radiance(sun);
+        let below = seen.map_or([0.0; 3], |s| s.dome.ground.map_or(s.background, |g| g.map(|v| v * strength)));
+        let uniform = [
+            four(corner, self.turn),
+            four(right, strength),
+            four(down, f32::from(u8::from(horizon))),
+            sun.map_or([0.0, 0.0, 1.0, 0.0], |s| four(s.direction.normalize(), s.radius)),
+            [r, g, b, pixel],
+            [below[0], below[1], below[2], 0.0],
+        ];
+        gpu.queue.write_buffer(&self.rays, 0, bytemuck::bytes_of(&uniform));
     }
 
     pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut Stats) {

@@ -1,12 +1,18 @@
-// An environment map behind everything. Row 0 is at the zenith, column 0 is towards +x, azimuth turns towards +y. Texel
-// centres lie at half steps; between them the radiance is interpolated. It wraps around in azimuth and is constant
-// beyond the first and the last row.
+// An environment map behind everything. Row 0 is at the zenith, the middle column looks to +x, and columns to the right
+// of it towards -y. Texel centres lie at half steps; between them the radiance is interpolated. It wraps around in
+// azimuth and is constant beyond the first and the last row.
 
 struct Rays {
-    // The ray of a pixel is corner + x·right + y·down.
+    // The ray of a pixel is corner + x·right + y·down. The last numbers are the picture's turn (whole turns), the
+    // factor on its radiance, and whether there is one colour below the horizon (1) or the picture (0).
     corner: vec4f,
     right: vec4f,
     down: vec4f,
+    // Direction to the sun; w is the disk's angular radius (rad).
+    sun: vec4f,
+    // Radiance of the disk; w is the angle of a pixel (rad).
+    disk: vec4f,
+    below: vec4f,
 }
 
 @group(0) @binding(0) var<uniform> rays: Rays;
@@ -26,7 +32,7 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     // An azimuth has no value at the zenith, and no influence there but for the first row's own variation.
     let azimuth = select(0.0, atan2(d.y, d.x), abs(d.x) + abs(d.y) > 0.0);
     let zenith = atan2(length(d.xy), d.z);
-    let at = vec2f(azimuth / turn * f32(size.x), zenith / (0.5 * turn) * f32(size.y)) - 0.5;
+    let at = vec2f((0.5 - azimuth / turn + rays.corner.w) * f32(size.x), zenith / (0.5 * turn) * f32(size.y)) - 0.5;
     let low = vec2i(floor(at));
     let part = at - floor(at);
     let columns = (vec2i(low.x, low.x + 1) % size.x + size.x) % size.x;
@@ -41,6 +47,13 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
         textureLoad(map, vec2i(columns.y, rows.y), 0).rgb,
         part.x,
     );
+    var rgb = rays.right.w * mix(upper, lower, part.y);
+    // The edges of the disk and of the horizon are softened over one pixel, as multisampling does with a leaf's edges.
+    let gamma = atan2(length(cross(d, rays.sun.xyz)), dot(d, rays.sun.xyz));
+    rgb += rays.disk.rgb * clamp(0.5 + (rays.sun.w - gamma) / rays.disk.w, 0.0, 1.0);
+    if (rays.down.w > 0.0) {
+        rgb = mix(rays.below.rgb, rgb, clamp(0.5 + d.z / rays.disk.w, 0.0, 1.0));
+    }
     // A 16-bit target holds at most 65504. Alpha is the leaves' coverage, so it is 0.
-    return vec4f(min(mix(upper, lower, part.y), vec3f(6e4)), 0.0);
+    return vec4f(min(rgb, vec3f(6e4)), 0.0);
 }

@@ -93,16 +93,13 @@ impl SkyPass {
     ) {
         let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
         let (pixel, [corner, right, down]) = pixel_rays(camera, size);
-        // Radiance of a disk with this irradiance: E/(π sin²r).
         let radius = sun.map_or(0.0, |s| s.radius);
-        let share = std::f32::consts::PI * radius.sin() * radius.sin();
-        let disk = sun.filter(|_| share > 0.0).map_or([0.0; 3], |s| s.irradiance.map(|e| (e / share).min(6e4)));
         let below = dome.ground.map_or(background, |g| g.map(|v| v * dome.strength));
         let mut perez = [[0.0; 4]; 6];
         for (k, [a, b, c, d, e]) in dome.perez.into_iter().enumerate() {
             (perez[2 * k], perez[2 * k + 1]) = ([a, b, c, d], [e, 0.0, 0.0, 0.0]);
         }
-        let [r, g, b] = disk;
+        let [r, g, b] = disk_radiance(sun);
         let s = dome.scale.map(|v| v * dome.strength);
         let uniform = Uniform {
             corner: four(corner, 0.0),
@@ -123,4 +120,11 @@ impl SkyPass {
         pass.draw(0..3, 0..1);
         stats.draws += 1;
     }
+}
+
+/// Radiance of the sun's disk: E/(π sin²r), as far as a 16-bit target holds it; 0 without a sun or for a point.
+pub(crate) fn disk_radiance(sun: Option<&Sun>) -> [f32; 3] {
+    let share = |s: &Sun| std::f32::consts::PI * s.radius.sin() * s.radius.sin();
+    let seen = sun.filter(|s| share(s) > 0.0);
+    seen.map_or([0.0; 3], |s| s.irradiance.map(|e| (e / share(s)).min(6e4)))
 }

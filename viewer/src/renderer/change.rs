@@ -4,9 +4,10 @@ use super::Renderer;
 use crate::error::Result;
 use crate::guard::Guard;
 use crate::material::MaterialOnGpu;
+use crate::passes::backdrop::BackdropPass;
 use crate::passes::main::Pipelines;
 use crate::passes::transfer::Lit;
-use crate::scene::{Scene, Wind};
+use crate::scene::{Dome, Scene, Wind};
 use crate::validate;
 use crate::variant::{Variant, shadow_layers};
 
@@ -19,6 +20,7 @@ impl Renderer {
             l.sun.is_some() == scene.sun.is_some()
                 && l.sky.is_some() == scene.sky.is_some()
                 && l.dome.is_some() == scene.dome.is_some()
+                && l.look.is_some() == scene.dome.as_ref().is_some_and(|d| d.picture.is_some())
                 && l.scanner.is_some() == scene.scanner.is_some()
                 && l.transfer.is_some() == scene.transfer.is_some()
                 && l.sun_shares.as_ref().map(|s| s.len()) == scene.sun_shares.as_ref().map(|s| s.len())
@@ -41,6 +43,12 @@ impl Renderer {
         loaded.scanner = scene.scanner;
         if let Some(dome) = &scene.dome {
             loaded.main.set_dome(&self.gpu, dome);
+            let shown = |d: &Dome| d.picture.as_ref().map(|p| std::sync::Arc::as_ptr(&p.texels));
+            if let Some(picture) =
+                dome.picture.as_ref().filter(|_| loaded.dome.as_ref().map(shown) != Some(shown(dome)))
+            {
+                loaded.look = Some(BackdropPass::new(&self.gpu, picture, scene.msaa, &mut self.stats));
+            }
         }
         if let Some(transfer) = &mut loaded.transfer {
             transfer.set_light(&self.gpu, &Lit::of(scene), &mut self.stats);

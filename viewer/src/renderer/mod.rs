@@ -18,7 +18,7 @@ use crate::gpu::{AdapterInfo, Gpu};
 use crate::guard::Guard;
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
-use crate::passes::backdrop::BackdropPass;
+use crate::passes::backdrop::{BackdropPass, Look};
 use crate::passes::bend::{self, BendPass};
 use crate::passes::bloom::BloomPass;
 use crate::passes::choose::ChoosePass;
@@ -69,6 +69,7 @@ struct Loaded {
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
     backdrop: Option<BackdropPass>,
+    look: Option<BackdropPass>,
     bloom: Option<BloomPass>,
     grass: Option<GrassPass>,
     bend: Option<BendPass>,
@@ -196,8 +197,10 @@ impl Renderer {
         stats.pipeline("tonemap");
         let transfer = TransferPass::new(&self.gpu, scene, &mut stats);
         let main = MainPass::new(&self.gpu, scene, shadow.as_ref(), transfer.as_ref(), &mut stats);
-        let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
-        let backdrop = scene.backdrop.as_ref().map(|b| BackdropPass::new(&self.gpu, b, scene.msaa, &mut stats));
+        let seen_sky = scene.dome.as_ref().filter(|d| d.picture.is_none());
+        let seen_sky = seen_sky.map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
+        let [look, backdrop] = [scene.dome.as_ref().and_then(|d| d.picture.as_ref()), scene.backdrop.as_ref()]
+            .map(|of| of.map(|b| BackdropPass::new(&self.gpu, b, scene.msaa, &mut stats)));
         let grass = GrassPass::new(&self.gpu, scene, &mut stats);
         let bloom = scene.bloom.map(|share| BloomPass::new(&self.gpu, scene.msaa, share, &mut stats));
         if let Err(error) = guard.finish(&self.gpu) {
@@ -213,6 +216,7 @@ impl Renderer {
             main,
             shadow,
             seen_sky,
+            look,
             backdrop,
             bloom,
             grass,
@@ -326,8 +330,10 @@ impl Renderer {
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {
             sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
         }
-        if let Some(backdrop) = &loaded.backdrop {
-            backdrop.aim(&self.gpu, camera, [width, height]);
+        let (sun, background) = (loaded.sun.as_ref(), loaded.background);
+        let look = loaded.dome.as_ref().map(|dome| Look { dome, sun, background });
+        for (pass, look) in [(&loaded.look, look.as_ref()), (&loaded.backdrop, None)] {
+            pass.iter().for_each(|pass| pass.aim(&self.gpu, camera, [width, height], look));
         }
         if let Some(grass) = &loaded.grass {
             let (sun, dome) = (loaded.sun.as_ref(), loaded.dome.as_ref());
@@ -358,7 +364,7 @@ impl Renderer {
                 depth: &targets.depth,
                 background: loaded.background,
                 sky: loaded.seen_sky.as_ref(),
-                backdrop: loaded.backdrop.as_ref().filter(|_| self.backdrop_shown),
+                backdrop: loaded.backdrop.as_ref().filter(|_| self.backdrop_shown).or(loaded.look.as_ref()),
                 bend: loaded.bend.as_ref(),
                 grass: loaded.grass.as_ref(),
             },

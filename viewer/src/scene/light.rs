@@ -60,8 +60,9 @@ impl Anchors {
     }
 }
 
-/// A picture of everything around. Row 0 is at the zenith, column 0 is towards +x, and azimuth turns towards +y. Texel
-/// (i, j) has its centre at azimuth (i + ½)·360°/width and zenith angle (j + ½)·180°/height.
+/// A picture of everything around, seen from inside. Row 0 is at the zenith, the middle column looks to +x, and columns
+/// to the right of it towards −y. Texel (i, j) has its centre at azimuth (½ − (i + ½)/width)·360° and zenith angle
+/// (j + ½)·180°/height.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Backdrop {
     /// Columns.
@@ -70,6 +71,8 @@ pub struct Backdrop {
     pub height: u32,
     /// Radiance, row by row.
     pub texels: Arc<Vec<[f32; 3]>>,
+    /// By how much the picture is turned from +x towards +y (whole turns).
+    pub turn: f32,
 }
 
 /// The sun as a disk.
@@ -117,6 +120,8 @@ pub struct Dome {
     /// Coefficients of the radiance all around, below the horizon too, in real orthonormal harmonics without the
     /// Condon–Shortley phase, at l(l+1)+m, in world directions with z up. There are N² of them, N from 1 to 7.
     pub harmonics: Vec<[f32; 3]>,
+    /// The look where it is a picture. Then the Perez coefficients and their factors are not used.
+    pub picture: Option<Backdrop>,
     /// Perez coefficients A … E of luminance Y and chromaticities x and y.
     pub perez: [[f32; 5]; 3],
     /// Factors of Y, Y/y and Y·x/y, in units of radiance.
@@ -127,6 +132,14 @@ pub struct Dome {
     pub sun: Vec3,
     /// A factor on the whole sky.
     pub strength: f32,
-    /// The turbidity at which the window's slider starts.
+    /// The turbidity at which the window's slider starts; 0 where the sky is no model, but a picture of everything
+    /// around, and does not follow the sun.
     pub turbidity: f32,
+}
+
+impl Dome {
+    /// Whether the sky is a model: it follows the sun and ends at the horizon.
+    pub fn is_model(&self) -> bool {
+        self.turbidity > 0.0
+    }
 }

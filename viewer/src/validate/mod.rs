@@ -66,6 +66,7 @@ pub(crate) fn lights(gpu: &Gpu, scene: &Scene) -> Result<()> {
     }
     if let Some(dome) = &scene.dome {
         check_dome(scene, dome)?;
+        dome.picture.iter().try_for_each(|picture| check_backdrop(gpu, picture))?;
     }
     if let Some(scanner) = &scene.scanner {
         check_scanner(scene, scanner)?;
@@ -106,13 +107,16 @@ fn check_scanner(scene: &Scene, scanner: &Scanner) -> Result<()> {
 }
 
 fn check_backdrop(gpu: &Gpu, backdrop: &Backdrop) -> Result<()> {
-    let Backdrop { width, height, texels } = backdrop;
+    let Backdrop { width, height, texels, turn } = backdrop;
     let limit = gpu.max_side();
     if *width == 0 || *height == 0 || *width > limit || *height > limit {
         return Err(Error::Size { what: "backdrop".into(), width: *width, height: *height, limit });
     }
     if texels.len() != *width as usize * *height as usize {
         return Err(wrong("backdrop", format!("{} texels", texels.len()), "as many as columns times rows"));
+    }
+    if !turn.is_finite() {
+        return Err(wrong("backdrop, turn", turn, "a finite number"));
     }
     match texels.as_flattened().iter().find(|v| !v.is_finite() || **v < 0.0) {
         Some(bad) => Err(wrong("backdrop", bad, "finite and not negative")),

@@ -11,6 +11,7 @@ fn dome(harmonics: Vec<[f32; 3]>) -> Dome {
     // A = C = E = 0 makes both of Perez's factors 1. Y is 0.25, and x and y are those of equal energy.
     Dome {
         harmonics,
+        picture: None,
         perez: [[0.0; 5]; 3],
         scale: [0.25, 0.75, 0.25],
         ground: Some([0.02, 0.03, 0.04]),

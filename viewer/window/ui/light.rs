@@ -79,13 +79,14 @@ impl ViewerUi {
         self.light_presets(ui);
         ui.spacing_mut().slider_width = 110.0;
         let mut light = self.light();
+        let model = self.scene.dome.as_ref().is_some_and(|dome| dome.is_model());
         if light.direction.is_some() {
             // The angles are stored besides the direction, because a direction at the zenith has no azimuth.
             let azimuth = Slider::new(&mut light.azimuth, -180.0..=180.0);
             let azimuth = ui.add(azimuth.suffix("°").max_decimals(1).clamping(EDITS).text("azimuth"));
             self.landmark("azimuth", &azimuth);
-            // Under a dome the sun cannot go below the horizon.
-            let lowest = if self.scene.dome.is_some() { 0.0 } else { -90.0 };
+            // Under the model of a sky the sun cannot go below the horizon.
+            let lowest = if model { 0.0 } else { -90.0 };
             let elevation = Slider::new(&mut light.elevation, lowest..=90.0);
             let elevation = ui.add(elevation.suffix("°").max_decimals(1).clamping(EDITS).text("elevation"));
             self.landmark("elevation", &elevation);
@@ -99,7 +100,7 @@ impl ViewerUi {
         } else {
             ui.label(RichText::new("This scene has no sun.").weak());
         }
-        if self.scene.dome.is_some() {
+        if model {
             let slider = Slider::new(&mut light.turbidity, 1.7..=10.0);
             let turbidity = ui.add(slider.max_decimals(2).clamping(EDITS).text("turbidity"));
             self.landmark("turbidity", &turbidity);
@@ -165,7 +166,10 @@ impl ViewerUi {
 
     /// Requests the sky for the present sun and turbidity. A refusal is shown, and the sky stays unchanged.
     fn renew_sky(&mut self) {
-        let (Some(_), Some(sun)) = (&self.scene.dome, self.scene.sun) else { return };
+        let (Some(dome), Some(sun)) = (&self.scene.dome, self.scene.sun) else { return };
+        if !dome.is_model() {
+            return;
+        }
         match self.editor.sky(sun.direction, self.turbidity) {
             Ok(update) => {
                 self.message.clear();

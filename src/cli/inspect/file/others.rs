@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use std::path::Path;
 
 /// First bytes of forms that no command reads, what they are, and what helps.
-const FOREIGN: [(&[u8], &str, &str); 12] = [
+const FOREIGN: [(&[u8], &str, &str); 11] = [
     (b"\x1f\x8b", "a gzip archive", "unpack it first"),
     (b"PK\x03\x04", "a ZIP archive", "unpack it first"),
     (b"PK\x05\x06", "an empty ZIP archive", "there is nothing in it"),
@@ -17,16 +17,16 @@ const FOREIGN: [(&[u8], &str, &str); 12] = [
     (b"\x89HDF\r\n\x1a\n", "an HDF5 file", "save its table as CSV"),
     (b"CDF\x01", "a NetCDF file", "save its table as CSV"),
     (b"CDF\x02", "a NetCDF file", "save its table as CSV"),
-    (b"#?R", "a Radiance picture (.hdr)", "save it as EXR: `mesophyll fit sky --panorama` takes a linear EXR"),
 ];
 
 /// First bytes of pictures that belong to a capture.
-const PICTURES: [(&[u8], &str); 6] = [
+const PICTURES: [(&[u8], &str); 7] = [
     (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
     (b"\xff\xd8\xff", "a JPEG picture"),
     (b"II*\0", "a TIFF picture"),
     (b"MM\0*", "a TIFF picture"),
     (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
+    (b"#?R", "a Radiance picture (.hdr)"),
     (b"P6\n", "a PPM picture"),
 ];
 
@@ -98,14 +98,14 @@ fn picture(mut found: Found, path: &Path) -> Found {
             found.command = Some(format!("mesophyll inspect {}", quoted(folder)));
             found.notes.push("it is part of the capture in that folder".into());
         }
-        None if found.form.contains("OpenEXR") => {
+        None if found.form.contains("OpenEXR") || found.form.contains("Radiance") => {
             found.command = Some(format!("mesophyll fit sky --panorama {} -o FOLDER", quoted(path)));
             found.notes.push("if it is a linear picture of the sky".into());
         }
         None => {
             found.reason = Some(
                 "pictures are fitted as a capture, a folder with capture.toml, which `mesophyll inspect FOLDER` looks \
-                 over; a panorama of the sky must be a linear EXR"
+                 over; a panorama of the sky must be a linear EXR or Radiance picture"
                     .into(),
             );
         }

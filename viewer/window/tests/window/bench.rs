@@ -159,6 +159,7 @@ pub fn even_dome(sun: Vec3, turbidity: f32) -> Dome {
     let l = 0.1 * turbidity;
     Dome {
         harmonics: vec![[l * (4.0 * std::f32::consts::PI).sqrt(); 3]],
+        picture: None,
         perez: [[0.0; 5]; 3],
         scale: [l, 3.0 * l, l],
         ground: None,

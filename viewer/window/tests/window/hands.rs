@@ -337,7 +337,7 @@ fn an_environment_map_is_seen_behind_the_scene() {
     let (mut window, toy) = two_leaves();
     let (width, height) = (8, 4);
     let texels = std::sync::Arc::new(vec![[0.0, 3.0, 0.0]; 32]);
-    window.scene.backdrop = Some(mesophyll_viewer::scene::Backdrop { width, height, texels });
+    window.scene.backdrop = Some(mesophyll_viewer::scene::Backdrop { width, height, texels, turn: 0.0 });
     let Some(mut bench) = bench_on((window, toy)) else { return };
     aside(&mut bench);
     // Radiance 3 is shown as 0.75, which sRGB encodes as 225.
