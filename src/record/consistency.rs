@@ -7,6 +7,8 @@ use crate::{FitRecord, Param, Residuals, Section};
 /// How far two numbers of a record may differ that the fit computed from the same sums, relative to the larger. Records
 /// hold double precision; a sum over millions of readings in another order loses a few digits more.
 const SAME: f64 = 1e-9;
+/// Degrees of freedom that a fit may have beyond its readings, because of what was known beforehand.
+const KNOWN: f64 = 4.5;
 
 /// Whether two numbers are the same but for rounding. NaN agrees with everything: it stands for a number that is not
 /// known.
@@ -128,7 +130,8 @@ fn of_residuals(r: &Residuals, say: &mut impl FnMut(String)) {
         }
     }
     let freedom = r.chi2 / r.reduced_chi2;
-    if freedom.is_finite() && r.samples > 0 && freedom > r.samples as f64 * (1.0 + SAME) + 0.5 {
+    // What is known beforehand may count as a reading or two.
+    if freedom.is_finite() && r.samples > 0 && freedom > r.samples as f64 * (1.0 + SAME) + KNOWN {
         say(format!(
             "chi2 {} over reduced_chi2 {} are {freedom:.0} degrees of freedom, more than the {} readings",
             r.chi2, r.reduced_chi2, r.samples

@@ -296,9 +296,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     batch::say_tally(&tally, &args.io, common, "row")?;
     if let rows @ 1.. = more_than_all.into_inner() {
         progress::say(format!(
-            "{} reflect and transmit more than all light: is the white reference less bright than it was taken for, or \
+            "{} {} more than all light: is the white reference less bright than it was taken for, or \
              were R and T measured at different places?",
-            counted(rows, "row")
+            counted(rows, "row"),
+            if rows == 1 { "reflects and transmits" } else { "reflect and transmit" }
         ));
     }
     if let Some(folder) = &args.plots {

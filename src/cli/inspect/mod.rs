@@ -36,6 +36,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if args.capture.is_file() {
         return file::run(&args.capture, common);
     }
+    if !args.capture.exists() {
+        return Err(Error::input(&args.capture, "no such file or folder"));
+    }
     // What cannot be read at all is reported by the look at a scan.
     match Kind::of(&args.capture).ok().flatten() {
         Some(Kind::Dome) => return dome::run(args, common),

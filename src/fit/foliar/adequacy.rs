@@ -74,9 +74,12 @@ pub(super) fn why(judged: &Adequacy, readings: &[Reading], model: &Model, rms: f
 fn too_bright(readings: &[Reading], model: &Model) -> Option<(f64, f64)> {
     let sums = readings.iter().filter(|r| !r.through).filter_map(|r| {
         let other = readings.iter().find(|t| t.through && t.light == r.light)?;
-        Some((model.lights[r.light].0, r.value + other.value))
+        // Four standard errors of the sum above 1 are no chance.
+        let error = if r.err.is_finite() && other.err.is_finite() { r.err.hypot(other.err) } else { 0.0 };
+        let least = 1.0 + 4.0 * error;
+        Some((model.lights[r.light].0, r.value + other.value)).filter(|(_, sum)| *sum > least)
     });
-    sums.filter(|(_, sum)| *sum > 1.0).max_by(|a, b| a.1.total_cmp(&b.1))
+    sums.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Why no leaf has this much of a parameter, if so.

@@ -23,6 +23,7 @@ pub mod texels;
 mod truth;
 pub(crate) mod undetermined;
 pub mod wide;
+mod widen;
 
 use crate::gloss::{Device, TexelFitter};
 use crate::{Error, Result};
@@ -218,7 +219,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     maker.times.phase("held-out frames", step);
     let step = Instant::now();
     let found = faults::look(&capture, record.scan.get_or_insert_default(), &level, &done)?;
-    output::found(&mut record, &mut done, found, &mut level);
+    widen::found(&mut record, &mut done, found, &mut level);
     maker.times.phase("faults of the measurement", step);
     let step = Instant::now();
     let out = maker.begin()?.to_path_buf();

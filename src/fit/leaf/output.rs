@@ -4,7 +4,7 @@
 use crate::Result;
 use crate::leaf::blade::{self, Blade, Grid, glb};
 use crate::leaf::defect::OF_SCANS;
-use crate::leaf::faults::{Bias, Findings, through};
+use crate::leaf::faults::through;
 use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
@@ -72,49 +72,6 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     // The fit does not record where its capture lay.
     say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
     record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
-}
-
-/// Records the faults that were found, and takes them into account: the errors of the texels hold what a wrong cause
-/// did to them, and residuals that nothing explains.
-pub fn found(record: &mut FitRecord, done: &mut [Fitted], found: Findings, level: &mut Level) {
-    for (fitted, (bias, scale)) in done.iter_mut().zip(found.bias.into_iter().zip(found.scale)) {
-        widen(&mut fitted.maps, bias, scale);
-    }
-    // Few frames make a lobe as rough as noise, and a frame that flickers does, too. Neighbouring texels tell noise
-    // from both.
-    let beside = found.noise.iter().flatten().copied().reduce(f64::max);
-    level.seen = match (level.seen, beside) {
-        (Some(seen), Some(beside)) if seen > 1.0 => Some(seen.min(beside.max(1.0))),
-        (seen, _) => seen,
-    };
-    record.faults = found.faults;
-}
-
-/// Widens the standard errors of the merged parts. `scale`: residuals over the noise.
-fn widen(parts: &mut Maps, bias: Bias, scale: f64) {
-    let (chi2, freedom) = texels::chi2(parts);
-    // A texel whose own χ² is that large has wide errors already.
-    let own: Vec<bool> = chi2.iter().zip(freedom).map(|(c, f)| *c > f + 5.0 * (2.0 * f).sqrt()).collect();
-    let Bias { rho_d, rho_s, m, normal } = bias;
-    for (quantity, relative, absolute) in [
-        (Quantity::RhoD, rho_d, 0.0),
-        (Quantity::RhoS, rho_s, 0.0),
-        (Quantity::M, m, 0.0),
-        (Quantity::Normal, 0.0, normal),
-    ] {
-        for c in 0..quantity.letters().len() {
-            let value = parts.plane(quantity, c).unwrap_or_default().to_vec();
-            let Some(error) = texels::error_mut(parts, quantity, c) else { continue };
-            for (k, error) in error.iter_mut().enumerate() {
-                if scale > 1.0 && !own[k] {
-                    *error *= scale as f32;
-                }
-                if relative + absolute > 0.0 && value[k].is_finite() {
-                    *error = error.hypot(relative as f32 * value[k] + absolute as f32);
-                }
-            }
-        }
-    }
 }
 
 /// Reconstructs the blade from both sides' normals (the back's turned into the front's image).

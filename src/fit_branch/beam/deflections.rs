@@ -141,6 +141,9 @@ fn add(
 pub fn fit_all(branches: &[Named], along: Along, load: Option<Load>) -> Vec<std::result::Result<Measured, String>> {
     let one = |named: &Named| match &named.branch {
         Err(why) => Err(why.clone()),
+        Ok(branch) if branch.readings.is_empty() && !named.unread.is_empty() => {
+            Err(format!("no readings; left out: {}", named.unread[0]))
+        }
         Ok(branch) => fit(branch, along, load).map_err(|why| match named.unread.first() {
             Some(line) if branch.readings.len() < 3 => format!("{why}; left out: {line}"),
             _ => why,

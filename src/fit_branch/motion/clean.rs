@@ -26,6 +26,12 @@ pub struct Smooth {
 
 /// An instrument hangs where it repeats itself so often.
 const HANGS: usize = 8;
+/// Readings pile up at an end of the instrument's range where they do so in this many visits, and are this many times as
+/// many as in the next of so many parts of the range. A branch that is held before it is let go visits an end once, and
+/// a steady swing, read in coarse steps, has 2.4 times as many readings in its last step as in the one before.
+const VISITS: usize = 4;
+const PILED: usize = 4;
+const BINS: f64 = 200.0;
 /// Differences of this many steps of writing are not 0 by rounding.
 const MOVES: f64 = 5.0;
 /// Readings are copies where this share repeats the one before.
@@ -40,7 +46,10 @@ pub fn clean(record: &Record) -> Cleaned {
         channels: record.channels.clone(),
         resolution: record.channels.iter().map(|c| resolution(c, 0.0)).fold(0.0, f64::max),
         left_out: Vec::new(),
-        doubt: record.channels.iter().find_map(|c| copies(c, resolution(c, 0.0))),
+        doubt: record.channels.iter().find_map(|c| {
+            let resolution = resolution(c, 0.0);
+            copies(c, resolution).or_else(|| clipped(c, resolution))
+        }),
     };
     for (k, channel) in out.channels.iter_mut().enumerate() {
         let name = ["u_mm", "v_mm"][k.min(1)];
@@ -149,6 +158,26 @@ fn hangs(readings: &[f64], resolution: f64) -> Vec<std::ops::Range<usize>> {
         start = k;
     }
     out
+}
+
+/// Whether the range of the instrument ends within the motion: readings pile up at the largest or the least value, in
+/// several visits.
+fn clipped(readings: &[f64], resolution: f64) -> Option<String> {
+    let there: Vec<f64> = readings.iter().copied().filter(|r| !r.is_nan()).collect();
+    let low = there.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = there.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let bin = resolution.max((high - low) / BINS);
+    [(high, "largest"), (low, "least")].into_iter().find_map(|(end, which)| {
+        let at_end = there.iter().filter(|r| **r == end).count();
+        let beside = there.iter().filter(|r| **r != end && (**r - end).abs() < 1.01 * bin).count();
+        let visits = readings.windows(2).filter(|w| w[1] == end && w[0] != end).count();
+        (at_end >= HANGS && visits >= VISITS && at_end > PILED * beside).then(|| {
+            format!(
+                "{at_end} readings have exactly the {which} value, {end} mm, and few are close to it: the range of the \
+                 instrument ends there"
+            )
+        })
+    })
 }
 
 /// Whether readings are copies of the ones before, or lie on straight lines between others: then they were not read at

@@ -87,7 +87,13 @@ pub fn read(mut table: Table, rate: Option<f64>) -> Result<Reading> {
     let back: Vec<usize> = (0..n).filter(|k| grid.places[*k].is_none()).collect();
     if back.len() as f64 > FAULTY * 0.1 * n as f64 && back.len() > 1 {
         let k = back[0];
-        let what = format!("found {} after {}, expected a later time", rows.shown(k), rows.shown(k - 1));
+        let (now, before) = (rows.shown(k), rows.shown(k - 1));
+        let hint = if rate.is_some() { "is --rate right?" } else { "readings are even in time, but for gaps" };
+        let what = if from[k] > from[k - 1] {
+            format!("found {now} after {before}, and even steps of {:.6} s have no place for it; {hint}", grid.step)
+        } else {
+            format!("found {now} after {before}, expected a later time")
+        };
         return Err(fault(k, what));
     }
     if rate.is_none() && grid.uneven as f64 > FAULTY * 0.1 * n as f64 {

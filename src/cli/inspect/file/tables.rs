@@ -38,7 +38,11 @@ const KINDS: [(&[&str], &str, &str); 16] = [
     ),
     (&["r0", "r1"], "traces of texels", "mesophyll fit gloss --geometry DEVICE.toml --in FILE"),
     (&["length_mm", "position_mm", "deflection_mm"], "marks on bent branches", "mesophyll fit beam --deflections FILE"),
-    (&["time_s", "u_mm"], "deflections of a branch over time", "mesophyll fit motion --in FILE"),
+    (
+        &["time_s|time_ms|time_us|time|timestamp|datetime|date_time", "u_mm"],
+        "deflections of a branch over time",
+        "mesophyll fit motion --in FILE",
+    ),
     (&["alpha", "x"], "places on bent branches", "mesophyll eval beam --in FILE"),
     (&["alpha"], "tapers of branches", "mesophyll fit beam --in FILE"),
     (&["thickness", "radius"], "places on the far side of a leaf", "mesophyll eval dipole --in FILE"),

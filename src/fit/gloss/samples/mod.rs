@@ -189,11 +189,43 @@ pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<Sampl
             out.hold(&all[k].1.report());
         }
     }
+    if settings.surface == Surface::Usual {
+        // Nobody stated the lobe. Where another one describes the leaf as well, it may be that. What ρs means is a matter
+        // of the lobe, so its error stays that of this one.
+        let as_well = |k: &usize| (-TIED..=FAR_BETTER).contains(&(evidence[*k] - evidence[chosen])) && *k != chosen;
+        let rho_s_err = out.rho_s_err;
+        (0..all.len()).filter(as_well).for_each(|k| out.hold(&all[k].1.report()));
+        out.rho_s_err = rho_s_err;
+    }
+    out.ask_index(samples, all[chosen].0, settings, evidence[chosen]);
     out.evidence = evidence;
     Ok(out)
 }
 
 impl SamplesFit {
+    /// Whether the readings speak against the usual index of refraction, which was taken for granted: far better with
+    /// another one, they are not described; better, the errors hold what it would change.
+    fn ask_index(&mut self, samples: &[Sample], kind: LobeKind, settings: &Settings, evidence: f64) {
+        if settings.index != Some(INDEX) || self.lobe.index().is_none() {
+            return;
+        }
+        let free = Settings { index: None, ..settings.clone() };
+        let Ok(leaf) = Leaf::fit(samples, self.rho_d.len(), kind, &free) else { return };
+        let (gain, found) = (leaf.evidence() - evidence, leaf.report());
+        if gain > FAR_BETTER {
+            let (index, error) = (found.lobe.index().unwrap_or(INDEX), found.index_err);
+            let asks = format!(
+                "the readings ask for an index of refraction of {index:.3} ± {error:.3} where {INDEX} is taken; --index \
+                 fit finds it"
+            );
+            self.misfit = Some(self.misfit.take().map_or(asks.clone(), |why| format!("{why}; {asks}")));
+        } else if gain > 0.0 {
+            let stated = self.index_err;
+            self.hold(&found);
+            self.index_err = stated;
+        }
+    }
+
     /// Widens every error so that it holds the value of another description of the same leaf.
     fn hold(&mut self, other: &SamplesFit) {
         let widen = |error: &mut f64, a: f64, b: f64| *error = error.hypot(a - b);

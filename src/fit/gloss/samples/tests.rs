@@ -154,6 +154,32 @@ fn lobes_that_cannot_be_told_apart_are_tied_and_their_values_differ() {
     assert!(said.starts_with("undetermined: ") && said.contains("rho_s") && said.contains("equally well"), "{said}");
 }
 
+/// A level leaf with Fresnel reflectance by the usual lobe, with noise that does not tell the two apart: its tilt and
+/// slope differ, and the errors hold the difference.
+#[test]
+fn a_lobe_that_nobody_stated_widens_the_errors() {
+    let directions: Vec<_> = rings(&[20.0, 40.0]).into_iter().filter(|d| d[1][0] < 50.0).collect();
+    for seed in 0..6 {
+        let samples = True { m: 0.25, ..COATED }.table(&directions, [4e-3, 0.0], seed);
+        let f = fit(&samples, &Settings::default()).unwrap();
+        let off = [(f.m - 0.25) / f.m_err, f.tilt[0] / f.tilt_err[0], f.tilt[1] / f.tilt_err[1]];
+        assert!(f.better.is_some() || off.iter().all(|o| o.abs() < 4.0), "{seed}: {off:?} {:?}", f.evidence);
+    }
+}
+
+#[test]
+fn an_index_that_was_taken_for_granted_is_questioned() {
+    let of = |index: f64| {
+        let samples = True { index, ..COATED }.table(&rings(&[20.0, 40.0, 60.0]), [3e-4, 0.01], 3);
+        status(&samples, &with(Surface::Of(LobeKind::CookTorrance)))
+    };
+    assert_eq!(of(1.45), "ok");
+    for index in [1.3, 1.6] {
+        let said = of(index);
+        assert!(said.contains("ask for an index") && said.contains("--index fit finds it"), "{said}");
+    }
+}
+
 /// Readings in the table's own rounding, without noise: nothing to accuse.
 #[test]
 fn rounded_tables_of_the_right_lobe_are_ok() {

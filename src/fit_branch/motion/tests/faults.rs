@@ -143,6 +143,8 @@ fn records_that_are_none_are_named() {
     assert!(why(of(STEP, between)).contains("interpolated"));
     assert!(why(of(1e3 * STEP, r.clone())).contains("milliseconds"));
     assert!(why(of(1e-3 * STEP, r.clone())).contains("time_ms"));
+    let clipped = r.iter().map(|r| r.min(12.0)).collect();
+    assert!(why(of(STEP, clipped)).contains("largest value, 12 mm"));
     let mut hangs = swaying(4096, 6);
     let held = hangs[900];
     hangs[901..1000].fill(held);

@@ -200,6 +200,9 @@ pub fn rows(word: &str) -> Result<Vec<StressRow>> {
         let outcome = leaf::run(&capture, &folder.path().join(format!("fit-{n}")), &Options::default());
         let ms = clock.elapsed().as_secs_f64() * 1e3;
         let verdict = match outcome {
+            Ok(Outcome::Done(_) | Outcome::UpToDate(_)) if contradicts(&folder.path().join(format!("fit-{n}")))? => {
+                "wrong: the fit contradicts itself".into()
+            }
             Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => match record.faults.as_slice() {
                 [] => "ok".to_string(),
                 [first, more @ ..] => {
@@ -226,6 +229,13 @@ pub fn rows(word: &str) -> Result<Vec<StressRow>> {
         });
     }
     Ok(out)
+}
+
+/// Whether numbers of a fit that nobody changed do not go together.
+fn contradicts(fit: &Path) -> Result<bool> {
+    let found = mesophyll_fit::consistency::of(fit)?;
+    found.contradictions.iter().for_each(mesophyll_files::progress::say);
+    Ok(!found.contradictions.is_empty())
 }
 
 fn synthesise(fault: &Fault, path: &Path) -> Result<()> {
