@@ -142,21 +142,23 @@ mod tests {
     use super::*;
     use mesophyll_sky::panorama;
 
-    /// A dim, blue sky with a sun whose irradiance, place and size are known, drawn texel by texel in `parts`² points.
+    /// A dim, blue sky with a sun whose irradiance, place and size are known, drawn by `parts`² points a texel.
     fn map(columns: usize, sun: DVec3, irradiance: [f64; 3], radius: f64) -> Environment {
         let (rows, parts) = (columns / 2, 9);
         let radiance = irradiance.map(|e| e / (PI * radius.sin().powi(2)));
-        let texel = |k: usize| {
-            let mut covered = 0;
-            for n in 0..parts * parts {
+        let near = (radius + 4.0 * PI / columns as f64).cos();
+        let texel = |(k, centre): (usize, [f64; 3])| {
+            let points = if DVec3::from(centre).dot(sun) > near { parts * parts } else { 0 };
+            let inside = |n: &usize| {
                 let at = |i: usize, part: usize, of: usize| (i as f64 + (part as f64 + 0.5) / parts as f64) / of as f64;
                 let place = [at(k % columns, n % parts, columns), at(k / columns, n / parts, rows)];
-                covered += usize::from(DVec3::from(panorama::direction(place)).dot(sun) > radius.cos());
-            }
-            let share = covered as f64 / (parts * parts) as f64;
+                DVec3::from(panorama::direction(place)).dot(sun) > radius.cos()
+            };
+            let share = (0..points).filter(inside).count() as f64 / (parts * parts) as f64;
             [0, 1, 2].map(|c| ([0.2, 0.3, 0.5][c] + share * radiance[c]) as f32)
         };
-        Environment::new(columns, rows, (0..columns * rows).map(texel).collect()).unwrap()
+        let texels = panorama::centres(columns, rows).enumerate().map(texel).collect();
+        Environment::new(columns, rows, texels).unwrap()
     }
 
     #[test]

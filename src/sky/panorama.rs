@@ -2,9 +2,9 @@
 //! or writes a panorama goes through here.
 //!
 //! A panorama is seen from inside, with the zenith in its top row. Its middle column looks to +x, and the columns to
-//! the right of it towards −y, as for a camera that turns to its right: azimuth 2π(½ − u), zenith angle πv. Places are u
-//! from the left to the right edge and v from the top to the bottom, 0 to 1. The centre of the texel in column i of W
-//! and row j of H is at u = (i + ½)/W, v = (j + ½)/H.
+//! the right of it towards −y, as for a camera that turns to its right: azimuth 2π(½ − u), zenith angle πv. Places are
+//! u from the left to the right edge and v from the top to the bottom, 0 to 1. The centre of the texel in column i of
+//! W and row j of H is at u = (i + ½)/W, v = (j + ½)/H.
 
 use std::f64::consts::{PI, TAU};
 

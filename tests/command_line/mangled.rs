@@ -204,4 +204,13 @@ fn environments() {
     }
     image::write_exr(&file, &maps, image::Packing::Zip).unwrap();
     try_all(&file, |p| mesophyll::transport::environment::Environment::read(p).is_ok());
+    // A Radiance picture of the same size: its rows begin with 2, 2 and their length, then come four runs of bytes.
+    let file = folder.path().join("around.hdr");
+    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=1.5\n\n-Y 8 +X 16\n".to_vec();
+    for row in 0..8u8 {
+        bytes.extend([2, 2, 0, 16]);
+        [row, 2 * row, 99, 128].into_iter().for_each(|c| bytes.extend([144, 40 + c]));
+    }
+    std::fs::write(&file, bytes).unwrap();
+    try_all(&file, |p| mesophyll::transport::environment::Environment::read(p).is_ok());
 }

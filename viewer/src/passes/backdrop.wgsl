@@ -24,15 +24,15 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
-@fragment
-fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
-    let d = normalize(rays.corner.xyz + rays.right.xyz * position.x + rays.down.xyz * position.y);
+// Radiance of the picture in a direction.
+fn picture(d: vec3f) -> vec3f {
     let size = vec2i(textureDimensions(map));
     let turn = 6.283185307179586;
     // An azimuth has no value at the zenith, and no influence there but for the first row's own variation.
     let azimuth = select(0.0, atan2(d.y, d.x), abs(d.x) + abs(d.y) > 0.0);
     let zenith = atan2(length(d.xy), d.z);
-    let at = vec2f((0.5 - azimuth / turn + rays.corner.w) * f32(size.x), zenith / (0.5 * turn) * f32(size.y)) - 0.5;
+    let across = 0.5 - azimuth / turn + rays.corner.w;
+    let at = vec2f(across * f32(size.x), zenith / (0.5 * turn) * f32(size.y)) - 0.5;
     let low = vec2i(floor(at));
     let part = at - floor(at);
     let columns = (vec2i(low.x, low.x + 1) % size.x + size.x) % size.x;
@@ -47,7 +47,18 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
         textureLoad(map, vec2i(columns.y, rows.y), 0).rgb,
         part.x,
     );
-    var rgb = rays.right.w * mix(upper, lower, part.y);
+    return mix(upper, lower, part.y);
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
+    // The mean of four places in the pixel, because a picture may change within a pixel.
+    var rgb = vec3f(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        let p = position.xy + vec2f(f32(k & 1u), f32(k >> 1u)) * 0.5 - 0.25;
+        rgb += 0.25 * rays.right.w * picture(normalize(rays.corner.xyz + rays.right.xyz * p.x + rays.down.xyz * p.y));
+    }
+    let d = normalize(rays.corner.xyz + rays.right.xyz * position.x + rays.down.xyz * position.y);
     // The edges of the disk and of the horizon are softened over one pixel, as multisampling does with a leaf's edges.
     let gamma = atan2(length(cross(d, rays.sun.xyz)), dot(d, rays.sun.xyz));
     rgb += rays.disk.rgb * clamp(0.5 + (rays.sun.w - gamma) / rays.disk.w, 0.0, 1.0);
