@@ -34,8 +34,8 @@ pub struct Opened {
     pub buffers: Vec<gltf::buffer::Data>,
     /// Unit of the file's lengths: the metre, unless `asset.extras.unit` says otherwise.
     pub unit: Unit,
-    /// The file's JSON with everything that `document` lacks: pictures, textures, all of the materials. Its vertices are
-    /// floats, and nothing in it is compressed.
+    /// The file's JSON with everything that `document` lacks: pictures, textures, all of the materials. Its vertices
+    /// are floats, and nothing in it is compressed.
     root: Value,
 }
 

@@ -25,8 +25,8 @@ impl Mask {
         Mask { size, alpha, cutoff }
     }
 
-    /// The mask of the material with this index. `None` where it cuts nothing out, and where its picture cannot be read,
-    /// has no opacity or is laid on by a transform.
+    /// The mask of the material with this index. `None` where it cuts nothing out, and where its picture cannot be
+    /// read, has no opacity or is laid on by a transform.
     pub fn of(path: &Path, opened: &Opened, material: usize) -> Option<Mask> {
         let root = &opened.root;
         let material = &root["materials"][material];
@@ -48,8 +48,8 @@ impl Mask {
         alpha.iter().any(|a| *a != alpha[0]).then(|| Mask::new(size, alpha, cutoff))
     }
 
-    /// How much more opaque than its limit the picture is at a texture coordinate; below 0 nothing is there. The picture
-    /// repeats.
+    /// How much more opaque than its limit the picture is at a texture coordinate; below 0 nothing is there. The
+    /// picture repeats.
     pub fn at(&self, uv: [f64; 2]) -> f64 {
         let [x, y] = [0, 1].map(|c| uv[c].rem_euclid(1.0) * self.size[c] as f64 - 0.5);
         let texel = |dx: f64, dy: f64| {

@@ -142,7 +142,8 @@ pub(super) fn widen(path: &Path, root: &mut Value, buffers: &mut Vec<Vec<u8>>) -
         let Some(views) = root["bufferViews"].as_array_mut() else { continue };
         views.push(view);
         let mut new = json!({"bufferView": views.len() - 1, "componentType": FLOAT, "count": numbers.len() / width,
-            "type": accessor["type"], "min": bound(f32::min, f32::INFINITY), "max": bound(f32::max, f32::NEG_INFINITY)});
+            "type": accessor["type"], "min": bound(f32::min, f32::INFINITY),
+            "max": bound(f32::max, f32::NEG_INFINITY)});
         if !accessor["name"].is_null() {
             new["name"] = accessor["name"].clone();
         }

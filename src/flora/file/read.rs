@@ -27,8 +27,8 @@ fn upright() -> DMat4 {
 /// than [`MOST_TRIANGLES`] triangles.
 pub fn read(path: &Path) -> Result<Plant> {
     branched(path)?.ok_or_else(|| {
-        let what = "no node says in its extras that it is a branch; `mesophyll import FILE -o PLANT.glb` finds branches \
-                    in triangles and writes a plant";
+        let what = "no node says in its extras that it is a branch; `mesophyll import FILE -o PLANT.glb` finds \
+                    branches in triangles and writes a plant";
         Error::input(path, what)
     })
 }
@@ -84,6 +84,9 @@ pub fn branched(path: &Path) -> Result<Option<Plant>> {
         Ok(Some(reader.plant).filter(|plant| !plant.branches.is_empty()))
     })
 }
+
+/// A leaf that its nodes enlarge by more than this is in metres, not in mm.
+const IN_METRES: f64 = 100.0;
 
 /// Refuses files with too many triangles before these are read.
 pub(crate) fn count(path: &Path, opened: &Opened) -> Result<()> {
@@ -261,6 +264,9 @@ impl Reader<'_> {
                 let what = "found a size of 0 along an axis, or a number that is not finite; expected a size";
                 return Err(self.wrong(node, "scale", what));
             };
+            // A branch may be in metres. Its blades then are too, and what is drawn for them is not enlarged by that.
+            let unit = if transform.determinant().cbrt() > IN_METRES { 1000.0 } else { 1.0 };
+            let (transform, shape) = (transform * DMat4::from_scale(DVec3::splat(1.0 / unit)), shape * unit);
             let key = (mesh.index(), shape.to_cols_array().map(|v| (v * 1e4).round() as i64));
             let blade = match self.blades.get(&key) {
                 Some(known) => *known,

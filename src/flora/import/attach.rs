@@ -117,8 +117,8 @@ struct Choice {
     stands: Option<f64>,
 }
 
-/// Finds every tube's parent. The `piece` of a branch is the index of its tube. Parents stand before what grows on them. `refused` are the triangles of each piece that
-/// is no tube.
+/// Finds every tube's parent. The `piece` of a branch is the index of its tube. Parents stand before what grows on
+/// them. `refused` are the triangles of each piece that is no tube.
 pub fn attach(tubes: Vec<Tube>, refused: Vec<Vec<[DVec3; 3]>>) -> Vec<Branch> {
     let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
     let refused: Vec<Refused> = refused.into_iter().map(Refused::new).collect();

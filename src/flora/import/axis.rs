@@ -178,8 +178,8 @@ pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     Ok(if tube.root_radius >= tube.tip_radius { tube } else { tube.turned() })
 }
 
-/// Why a piece is a crown that is drawn as one ball or cone, if it is. `outline` has the share of the axis and the radius
-/// of each cut, `ends` the radii of the line through them.
+/// Why a piece is a crown that is drawn as one ball or cone, if it is. `outline` has the share of the axis and the
+/// radius of each cut, `ends` the radii of the line through them.
 fn crown(outline: &[(f64, f64)], ends: [f64; 2], length: f64) -> Option<String> {
     let [root, tip] = ends;
     let mean = 0.5 * (root + tip);

@@ -35,8 +35,9 @@ fn write(folder: &Path, parts: &[(&str, &LeafMesh)], change: impl Fn(&mut Value)
         meshes.push(json!({"primitives": [{"attributes": attributes, "indices": indices, "material": k}]}));
     }
     let nodes: Vec<Value> = (0..meshes.len()).map(|k| json!({"mesh": k})).collect();
-    let mut root = json!({"asset": glb::asset(), "scene": 0, "scenes": [{"nodes": (0..nodes.len()).collect::<Vec<_>>()}],
-        "nodes": nodes, "meshes": meshes, "materials": names.iter().map(|n| json!({"name": n})).collect::<Vec<_>>()});
+    let all: Vec<usize> = (0..nodes.len()).collect();
+    let mut root = json!({"asset": glb::asset(), "scene": 0, "scenes": [{"nodes": all}], "nodes": nodes,
+        "meshes": meshes, "materials": names.iter().map(|n| json!({"name": n})).collect::<Vec<_>>()});
     change(&mut root);
     let path = folder.join("elsewhere.glb");
     file.write(&path, root).unwrap();

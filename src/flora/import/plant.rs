@@ -207,8 +207,8 @@ struct Shape<'a> {
     votes: i64,
 }
 
-/// The shapes of all blades, and the leaves that are instances of these. A shape has the median length of its material's
-/// blades, and the outline that the material cuts out of its picture.
+/// The shapes of all blades, and the leaves that are instances of these. A shape has the median length of its
+/// material's blades, and the outline that the material cuts out of its picture.
 fn blades(soup: &Soup, found: &Found, joint: impl Fn(&FoundLeaf) -> Joint) -> (Vec<Blade>, Vec<Leaf>) {
     let mut lengths: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for leaf in &found.leaves {

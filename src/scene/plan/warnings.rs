@@ -56,8 +56,8 @@ fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
     )))
 }
 
-/// A warning for each plant whose blades are far larger or smaller than the leaf that is drawn for them, as where a card
-/// shows a whole twig.
+/// A warning for each plant whose blades are far larger or smaller than the leaf that is drawn for them, as where a
+/// card shows a whole twig.
 fn other_blades(manifest: &Manifest, placed: &Placed) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     for (plant, (leaf, across, [scale, own])) in &placed.shapes {
