@@ -114,7 +114,7 @@ fn a_part_needs_no_branches_and_a_mesh_is_y_up() {
             "mesh = \"elsewhere.glb\"\npart = \"bark\"\nmesh_up = \"y\"\n",
             "mesh_up: given without a mesh, or with a part",
         ),
-        ("mesh = \"elsewhere.glb\"\nmesh_up = \"x\"\n", "mesh_up"),
+        ("mesh = \"elsewhere.glb\"\nmesh_up = \"x\"\n", "expected `y` or `z`"),
     ] {
         let error = height(mesh).unwrap_err();
         assert!(error.contains(expected), "{error}");
