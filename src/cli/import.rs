@@ -1,16 +1,20 @@
-//! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out.
+//! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out, or a plant that bends.
 
 use crate::named::named;
 use crate::{Common, Result};
 use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, claim, progress};
-use mesophyll_flora::import::{import, table};
+use mesophyll_flora::file::write;
+use mesophyll_flora::import::{Found, import, plant, strange, table};
 use std::path::PathBuf;
 
 /// Finds the branches and the leaves of a plant in a glTF file, also of one list of triangles without nodes.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  \
-     mesophyll import out/elm.glb -o out/elm-branches\n\n\
+#[command(after_help = "Examples:\n  \
+     mesophyll import out/elm.glb -o out/elm-branches\n  \
+     mesophyll import out/elm.glb -o out/elm-plant.glb\n\n\
+     A name that ends in .glb is a plant for scenes, which bends in their wind.\n\
+     A folder has tables:\n\
      branches.csv: branch,parent,at,level,length_mm,root_radius_mm,tip_radius_mm,x,y,z,dx,dy,dz,confidence,status\n\
      leaves.csv: leaf,branch,at,x,y,z,nx,ny,nz,length_mm,width_mm,area_mm2,status\n\
      others.csv: pieces that are neither a tube nor a blade, with the reason\n\
@@ -19,8 +23,8 @@ pub struct Args {
     /// The plant (.glb or .gltf)
     #[arg(value_name = "PLANT.glb")]
     plant: PathBuf,
-    /// Folder for the tables
-    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = crate::place::folder())]
+    /// Folder for the tables, or a file (.glb) for the plant with branches
+    #[arg(short, long, alias = "output", value_name = "DIR|FILE.glb", value_parser = crate::place::folder())]
     out: PathBuf,
     /// What one unit of the file's lengths is; default: the metre, or what the file's asset.extras.unit says
     #[arg(long, value_name = "UNIT", value_parser = named::<Unit>())]
@@ -28,37 +32,71 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let found = import(&args.plant, args.unit)?;
-    let _claim = claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
-    claim::begin(&args.out, claim::Kind::Import)?;
-    table::write(&found, &args.out)?;
-    let unattached = found.branches.iter().filter(|b| b.unattached.is_some()).count();
-    let above = found.branches.iter().filter(|b| b.level.is_none()).count() - unattached;
-    let on_these = if above > 0 { format!(", {above} more on these") } else { String::new() };
-    let hung = found.leaves.iter().filter(|l| l.joint.is_some()).count();
-    let summary = serde_json::json!({
-        "pieces": found.branches.len() + found.leaves.len() + found.others.len(),
-        "branches": found.branches.len(), "unattached": unattached,
-        "levels": found.branches.iter().filter_map(|b| b.level).max().map_or(0, |l| l + 1),
-        "leaves": found.leaves.len(), "leaves_on_branches": hung, "others": found.others.len(),
-        "degenerate_triangles": found.degenerate,
-    });
-    let text = serde_json::to_string_pretty(&summary).map_err(|e| crate::Error::write(&args.out, e))?;
-    atomic::write_bytes(&args.out.join("import.json"), format!("{text}\n").as_bytes())?;
-    claim::finish(&args.out)?;
-    if common.json {
-        crate::print_json(&summary)?;
+    let (soup, found) = import(&args.plant, args.unit)?;
+    let warnings = strange(&soup, &found);
+    let mut summary = summary(&found);
+    let mut notes = Vec::new();
+    if args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
+        claim::file(&args.out, &["glb"], &[&args.plant])?;
+        let name = args.plant.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let (plant, made) = plant::plant(&soup, &found, &name);
+        write(&plant, &args.out)?;
+        summary["blades"] = plant.blades.len().into();
+        notes.push(format!("{} leaves are instances of {} shapes", plant.leaves.len(), plant.blades.len()));
+        for (count, what) in [
+            (made.near_branches, "branches that are not attached hang on the nearest one"),
+            (made.near_leaves, "leaves that are on no branch hang on the nearest one"),
+            (made.still, "other pieces are wood that does not bend, on the nearest branch"),
+        ] {
+            if count > 0 {
+                notes.push(format!("{count} {what}"));
+            }
+        }
     } else {
-        progress::say(format!(
-            "{}: {} branches ({unattached} not attached{on_these}), {} leaves ({hung} on branches), {} other pieces",
-            args.out.display(),
-            found.branches.len(),
-            found.leaves.len(),
-            found.others.len()
-        ));
-        if found.degenerate > 0 {
-            progress::say(format!("{} triangles without an area were left out", found.degenerate));
+        let _claim = claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
+        claim::begin(&args.out, claim::Kind::Import)?;
+        table::write(&found, &args.out)?;
+        let text = serde_json::to_string_pretty(&summary).map_err(|e| crate::Error::write(&args.out, e))?;
+        atomic::write_bytes(&args.out.join("import.json"), format!("{text}\n").as_bytes())?;
+        claim::finish(&args.out)?;
+    }
+    for (count, what) in [(found.degenerate, "without an area"), (found.doubled, "that repeat another, as backs do,")] {
+        if count > 0 {
+            notes.push(format!("{count} triangles {what} were left out"));
         }
     }
+    if common.json {
+        summary["warnings"] = warnings.into();
+        crate::print_json(&summary)?;
+        return Ok(0);
+    }
+    let count = |key: &str| summary[key].as_u64().unwrap_or(0);
+    let above = found.branches.iter().filter(|b| b.level.is_none()).count() as u64 - count("unattached");
+    let on_these = if above > 0 { format!(", {above} more on these") } else { String::new() };
+    progress::say(format!(
+        "{}: {} branches ({} not attached{on_these}), {} leaves ({} on branches), {} other pieces",
+        args.out.display(),
+        found.branches.len(),
+        count("unattached"),
+        found.leaves.len(),
+        count("leaves_on_branches"),
+        found.others.len()
+    ));
+    notes.into_iter().for_each(progress::say);
+    warnings.into_iter().for_each(|warning| progress::say(format!("warning: {warning}")));
     Ok(0)
+}
+
+fn summary(found: &Found) -> serde_json::Value {
+    serde_json::json!({
+        "pieces": found.pieces.len(),
+        "branches": found.branches.len(),
+        "unattached": found.branches.iter().filter(|b| b.unattached.is_some()).count(),
+        "levels": found.branches.iter().filter_map(|b| b.level).max().map_or(0, |l| l + 1),
+        "leaves": found.leaves.len(),
+        "leaves_on_branches": found.leaves.iter().filter(|l| l.joint.is_some()).count(),
+        "others": found.others.len(),
+        "degenerate_triangles": found.degenerate,
+        "doubled_triangles": found.doubled,
+    })
 }

@@ -1,16 +1,29 @@
 //! Opens glTF files that others wrote (`.glb`, or `.gltf` with buffers beside it). A file that leads out of its folder,
 //! ends too early or has values that are not finite is refused with one sentence before it is used.
 
+mod instances;
+mod mask;
+mod packed;
+mod plain;
+#[cfg(test)]
+mod tests;
+
 use crate::atomic::explain;
 use crate::unit::Unit;
 use crate::{Error, Result, guard, whole};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
+pub use instances::places;
+pub use mask::Mask;
+pub use plain::INSTANCING;
 use serde_json::{Value, json};
 use std::path::{Component, Path};
 
 /// Nodes that are nested deeper than this are taken for a cycle.
 pub const DEEPEST: usize = 64;
+
+/// The largest number of triangles of a file. No renderer here draws more in a useful time.
+pub const MOST_TRIANGLES: usize = 5_000_000;
 
 /// A file with all its buffers in memory.
 #[derive(Debug)]
@@ -21,10 +34,16 @@ pub struct Opened {
     pub buffers: Vec<gltf::buffer::Data>,
     /// Unit of the file's lengths: the metre, unless `asset.extras.unit` says otherwise.
     pub unit: Unit,
+    /// The file's JSON with everything that `document` lacks: pictures, textures, all of the materials. Its vertices
+    /// are floats, and nothing in it is compressed.
+    root: Value,
 }
 
 /// Opens `path` and hands it to `with`, which understands the extensions `understood`, so that a file may require them.
 /// A damaged file gives an error in one sentence, whatever the reader does with it.
+///
+/// Vertices come as floats and uncompressed, also those that the file has as integers (`KHR_mesh_quantization`) or
+/// compressed by meshoptimizer. Pictures and materials need not be readable: of a material the document has the name.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
@@ -35,14 +54,39 @@ pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Re
 }
 
 /// Largest number of entries of an accessor; no mesh here has more.
-const MOST_ENTRIES: usize = 100_000_000;
+const MOST_ENTRIES: u64 = 100_000_000;
 
 fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
     let bad = |e: gltf::Error| Error::input(path, sentence(&e));
-    let gltf::Gltf { document, mut blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(bad)?;
-    // The library would refuse extensions that it does not know itself.
-    let mut json = document.into_json();
-    json.extensions_required.retain(|name| !understood.contains(&name.as_str()));
+    let (json, mut blob) = if bytes.starts_with(b"glTF") {
+        let glb = gltf::binary::Glb::from_slice(bytes).map_err(bad)?;
+        (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
+    } else {
+        (bytes.into(), None)
+    };
+    let unread = |e: serde_json::Error| bad(gltf::Error::Deserialize(e));
+    let mut root: Value = serde_json::from_slice(&json).map_err(unread)?;
+    plain::required(path, &root, understood)?;
+    // A sparse accessor can promise entries for which it has no bytes.
+    for (k, accessor) in root["accessors"].as_array().into_iter().flatten().enumerate() {
+        if let Some(long) = accessor["count"].as_u64().filter(|n| *n > MOST_ENTRIES) {
+            let field = format!("accessors[{k}].count");
+            return Err(Error::unexpected(path, &field, long, format!("at most {MOST_ENTRIES}")));
+        }
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for (k, image) in root["images"].as_array().into_iter().flatten().enumerate() {
+        if let Some(uri) = image["uri"].as_str() {
+            inside(path, folder, uri, &format!("images[{k}].uri"))?;
+        }
+    }
+    let mut buffers = Vec::new();
+    for (k, buffer) in root["buffers"].as_array().into_iter().flatten().enumerate() {
+        buffers.push(load(path, folder, &format!("buffers[{k}]"), buffer, &mut blob)?);
+    }
+    plain::unpack(path, &mut root, &mut buffers)?;
+    plain::widen(path, &mut root, &mut buffers)?;
+    let json: gltf::json::Root = serde_json::from_value(plain::bare(&root, &buffers)).map_err(unread)?;
     corners_exist(path, &json)?;
     let document = gltf::Document::from_json(json).map_err(bad)?;
     // Each node may have at most one parent: otherwise a small file could require an endless number of visits.
@@ -54,37 +98,31 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
             return Err(Error::field(path, &field, "is the child of more than one node; expected a tree"));
         }
     }
-    // A sparse accessor can promise entries for which it has no bytes.
-    if let Some(long) = document.accessors().find(|a| a.count() > MOST_ENTRIES) {
-        let field = format!("accessors[{}].count", long.index());
-        return Err(Error::unexpected(path, &field, long.count(), format!("at most {MOST_ENTRIES}")));
-    }
     let unit = own_unit(path, &document)?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    for image in document.images() {
-        if let gltf::image::Source::Uri { uri, .. } = image.source() {
-            inside(path, folder, uri, &format!("images[{}].uri", image.index()))?;
-        }
-    }
-    let mut buffers = Vec::new();
-    for buffer in document.buffers() {
-        let field = format!("buffers[{}]", buffer.index());
-        if let gltf::buffer::Source::Uri(uri) = buffer.source() {
+    Ok(Opened { document, buffers: buffers.into_iter().map(gltf::buffer::Data).collect(), unit, root })
+}
+
+/// The data of a buffer, which is called `field` in messages.
+fn load(path: &Path, folder: &Path, field: &str, buffer: &Value, blob: &mut Option<Vec<u8>>) -> Result<Vec<u8>> {
+    let length = buffer["byteLength"].as_u64().unwrap_or(0) as usize;
+    let source = match buffer["uri"].as_str() {
+        Some(uri) => {
             inside(path, folder, uri, &format!("{field}.uri"))?;
+            gltf::buffer::Source::Uri(uri)
         }
-        let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(folder), &mut blob)
-            .map_err(|e| Error::field(path, &field, sentence(&e)))?;
-        if data.len() < buffer.length() {
-            return Err(Error::unexpected(
-                path,
-                &field,
-                format!("{} bytes", data.len()),
-                format!("{} (truncated?)", buffer.length()),
-            ));
+        // The place of what compressed views stand for, which has no data of its own.
+        None if packed::NAMES.iter().any(|name| buffer["extensions"][*name]["fallback"] == true) => {
+            return Ok(Vec::new());
         }
-        buffers.push(data);
+        None => gltf::buffer::Source::Bin,
+    };
+    let data = gltf::buffer::Data::from_source_and_blob(source, Some(folder), blob)
+        .map_err(|e| Error::field(path, field, sentence(&e)))?;
+    if data.len() < length {
+        let found = format!("{} bytes", data.len());
+        return Err(Error::unexpected(path, field, found, format!("{length} (truncated?)")));
     }
-    Ok(Opened { document, buffers, unit })
+    Ok(data.0)
 }
 
 /// Each primitive's attributes are accessors of the file. The library relies on that before it checks it.
@@ -107,18 +145,12 @@ fn corners_exist(path: &Path, json: &gltf::json::Root) -> Result<()> {
 }
 
 /// An opened file as JSON and one buffer: what lies beside it, buffers and pictures, is taken in. Everything else stays
-/// as it is, extensions and extras too.
+/// as it is, extensions and extras too, but for vertices: they are floats and uncompressed.
 ///
 /// # Errors
-/// [`Error::Input`]: a picture that is missing, buffers that are compressed.
+/// [`Error::Input`]: a picture that is missing.
 pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
-    let bytes = whole::bytes(path, whole::MOST_DATA)?;
-    let json = if bytes.starts_with(b"glTF") {
-        gltf::binary::Glb::from_slice(&bytes).map_err(|e| Error::input(path, sentence(&e)))?.json.into_owned()
-    } else {
-        bytes
-    };
-    let mut root: Value = serde_json::from_slice(&json).map_err(|e| Error::input(path, e))?;
+    let mut root = opened.root.clone();
     let (mut bin, mut starts) = (Vec::new(), Vec::new());
     let add = |bin: &mut Vec<u8>, bytes: &[u8]| {
         bin.resize(bin.len().next_multiple_of(4), 0);
@@ -132,14 +164,7 @@ pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
         Some(Value::Array(views)) => views,
         _ => Vec::new(),
     };
-    for (k, view) in views.iter_mut().enumerate() {
-        if let Some(name) = ["EXT_meshopt_compression", "KHR_meshopt_compression"]
-            .iter()
-            .find(|name| view["extensions"][**name].is_object())
-        {
-            let field = format!("bufferViews[{k}]");
-            return Err(Error::unexpected(path, &field, name, "a file whose buffers are not compressed"));
-        }
+    for view in &mut views {
         let start = view["buffer"].as_u64().and_then(|b| starts.get(b as usize)).copied().unwrap_or(0);
         view["byteOffset"] = json!(view["byteOffset"].as_u64().unwrap_or(0) + start as u64);
         view["buffer"] = json!(0);
@@ -172,33 +197,31 @@ pub struct Surface {
     pub indices: Vec<u32>,
 }
 
-/// Reads the triangles of `primitive`, which is called `field` in messages.
+/// Reads the triangles of `primitive`, which is called `field` in messages. Strips and fans come as single triangles;
+/// points and lines have none.
 ///
 /// # Errors
-/// [`Error::Input`]: other shapes than triangles, a missing accessor, an index out of range, a place that is not
-/// finite.
+/// [`Error::Input`]: a missing accessor, an index out of range, a place that is not finite.
 pub fn surface(
     path: &Path,
     field: &str,
     primitive: &gltf::Primitive,
     buffers: &[gltf::buffer::Data],
 ) -> Result<Surface> {
-    if primitive.mode() != Mode::Triangles {
-        return Err(Error::unexpected(path, field, format!("{:?}", primitive.mode()), "triangles"));
-    }
     let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
     let missing = |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
     let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(wide).collect();
     let n = positions.len();
-    let indices: Vec<u32> = match (primitive.indices(), reader.read_indices()) {
+    let listed: Vec<u32> = match (primitive.indices(), reader.read_indices()) {
         (Some(_), Some(list)) => list.into_u32().collect(),
         (Some(_), None) => return Err(missing("indices")),
         (None, _) => (0..n as u32).collect(),
     };
     let of_indices = format!("{field}.indices");
-    if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
+    if let Some(bad) = listed.iter().find(|&&i| i as usize >= n) {
         return Err(Error::unexpected(path, &of_indices, bad, format!("less than the {n} vertices")));
     }
+    let indices = triangles(primitive.mode(), listed);
     if !indices.len().is_multiple_of(3) {
         return Err(Error::unexpected(path, &of_indices, format!("{} entries", indices.len()), "whole triangles"));
     }
@@ -206,6 +229,29 @@ pub fn surface(
         return Err(Error::field(path, field, "found a vertex that is not finite"));
     }
     Ok(Surface { positions, indices })
+}
+
+/// The corners of the triangles that a primitive's vertices are joined to (glTF 2.0, §3.7.2.1).
+fn triangles(mode: Mode, listed: Vec<u32>) -> Vec<u32> {
+    let each = |k: usize| match mode {
+        // Every second triangle of a strip has its corners the other way round.
+        Mode::TriangleStrip => [k, k + 1 + k % 2, k + 2 - k % 2],
+        _ => [k + 1, k + 2, 0],
+    };
+    match mode {
+        Mode::Triangles => listed,
+        Mode::TriangleStrip | Mode::TriangleFan => {
+            (0..listed.len().saturating_sub(2)).flat_map(|k| each(k).map(|corner| listed[corner])).collect()
+        }
+        Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => Vec::new(),
+    }
+}
+
+/// An upper limit of the number of triangles of a primitive.
+pub fn at_most(primitive: &gltf::Primitive) -> usize {
+    let places = primitive.get(&gltf::Semantic::Positions);
+    let corners = primitive.indices().or(places).map_or(0, |accessor| accessor.count());
+    if primitive.mode() == Mode::Triangles { corners / 3 } else { corners.saturating_sub(2) }
 }
 
 /// A node's own transform, into its parent's frame.

@@ -35,6 +35,9 @@ pub struct Leaf {
     pub discs: Option<PathBuf>,
     /// Unit of the lengths in that file; when absent, the unit that the file states, or metres for glTF.
     pub mesh_unit: Option<Unit>,
+    /// Which axis of that file points up in the scene. When absent, it is glTF's y, except for a blade that lies in the
+    /// file's plane of x and y.
+    pub mesh_up: Option<Up>,
     /// The source of its diffuse reflectance and transmittance.
     #[serde(default)]
     pub interior: Interior,
@@ -164,4 +167,14 @@ pub enum Interior {
     Scalars,
     /// ρd and ρt are maps.
     Maps,
+}
+
+/// An axis of a mesh's file that points up in a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Up {
+    /// glTF's own: y is up, and z towards the viewer.
+    Y,
+    /// The scene's: the file's axes are those of the scene, as for a leaf that lies with its front up.
+    Z,
 }

@@ -16,7 +16,7 @@ mod validate;
 mod view;
 
 pub use grass::Grass;
-pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
+pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform, Up};
 pub use light::{Day, Shadows, Sky, Sun, SunIn, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use picture::Pictured;
@@ -127,7 +127,7 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, uniform, layers, mesh, part, discs, mesh_unit, .. } =
+            let Leaf { fit, capture, scan, uniform, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
                 self.leaves[other].clone();
             let (lobe, index) = (self.leaves[other].lobe, self.leaves[other].index);
             let leaf = &mut self.leaves[k];
@@ -138,7 +138,7 @@ impl Manifest {
             leaf.layers = layers;
             if leaf.mesh.is_none() && leaf.discs.is_none() {
                 (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
-                leaf.part = part;
+                (leaf.part, leaf.mesh_up) = (part, mesh_up);
             }
         }
     }

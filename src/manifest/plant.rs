@@ -87,6 +87,10 @@ pub struct Plant {
     /// A factor on the plant's size.
     #[serde(default = "one")]
     pub scale: f64,
+    /// A factor on the size in which the scene's leaves are drawn in place of its blades. The plant's own blades keep
+    /// their size.
+    #[serde(default = "one")]
+    pub leaf_scale: f64,
     /// Number of plants in the area.
     #[serde(default = "single")]
     pub count: usize,

@@ -8,14 +8,16 @@ use crate::fits::source::{self, Freshness, InputHash, Source};
 use crate::fits::translucency::{self, Translucent};
 use crate::ledger::Ledger;
 use crate::{Error, Result};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::unit::Unit;
+use mesophyll_flora::import::{plant::part, soup};
 use mesophyll_flora::{file, grow};
 use mesophyll_leaf::{BLADE, LeafFit};
-use mesophyll_manifest::{Manifest, ViewKind};
+use mesophyll_manifest::{Manifest, Up, ViewKind};
 use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
 /// How a scene's leaves are searched for.
@@ -132,12 +134,19 @@ impl Leaf {
     fn blade(&self, manifest: &Manifest, ledger: &Ledger) -> Result<LeafMesh> {
         let leaf = &manifest.leaves[self.index];
         let bytes = std::fs::metadata(&self.mesh_path).map_or(0, |m| m.len());
-        ledger.note("read", format!("{}/{}", leaf.name, self.mesh_name()), bytes, || match leaf.discs {
+        let name = format!("{}/{}", leaf.name, self.mesh_name());
+        let mesh = ledger.note("read", name, bytes, || match leaf.discs {
             Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(Unit::Metre)),
             None if leaf.part.is_some() => blades_of(&self.mesh_path, leaf.part.as_deref().unwrap_or_default()),
             None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
-        })
+        })?;
+        if leaf.mesh.is_none() || leaf.part.is_some() || leaf.mesh_up.unwrap_or_else(|| up(&mesh)) == Up::Z {
+            return Ok(mesh);
+        }
+        let mut turned = LeafMesh::default();
+        turned.append(&mesh, DMat4::from_rotation_x(FRAC_PI_2));
+        Ok(turned)
     }
 
     /// File name of its mesh.
@@ -146,18 +155,39 @@ impl Leaf {
     }
 }
 
-/// The blades of one material, from a plant's file or from a description that is grown.
+/// The axis of a mesh's file that points up in a scene which does not say so: glTF's y, but for a blade, which lies in
+/// the plane of x and y with its front along z. A blade is what faces z by more than three fifths of its area.
+fn up(mesh: &LeafMesh) -> Up {
+    let (mut along, mut whole) = (0.0, 0.0);
+    for t in 0..mesh.triangles() {
+        let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
+        let n = (b - a).cross(c - a);
+        whole += n.length();
+        along += n.z * n.normalize_or_zero().z;
+    }
+    if along > 0.6 * whole { Up::Z } else { Up::Y }
+}
+
+/// The blades of one material, from a plant's file or from a description that is grown. Of a file without branches they
+/// are all triangles of the material.
 fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
     let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let plant = if described { grow::described(path, None)? } else { file::read(path)? };
-    let triangles = plant.triangles_of(material);
-    if triangles > file::MOST_TRIANGLES {
-        let what = format!("found {triangles} triangles of the material \"{material}\"");
-        return Err(Error::input(path, format!("{what}; expected at most {}", file::MOST_TRIANGLES)));
-    }
-    let mesh = plant.blades_of(material);
+    let plant = if described { Some(grow::described(path, None)?) } else { file::branched(path)? };
+    let (mesh, known): (LeafMesh, BTreeSet<String>) = match plant {
+        Some(plant) => {
+            let triangles = plant.triangles_of(material);
+            if triangles > file::MOST_TRIANGLES {
+                let what = format!("found {triangles} triangles of the material \"{material}\"");
+                return Err(Error::input(path, format!("{what}; expected at most {}", file::MOST_TRIANGLES)));
+            }
+            (plant.blades_of(material), plant.blades.into_iter().map(|b| b.material).collect())
+        }
+        None => {
+            let soup = soup::read(path, None)?;
+            (part(&soup, material), soup.materials.into_iter().collect())
+        }
+    };
     if mesh.indices.is_empty() {
-        let known: BTreeSet<&str> = plant.blades.iter().map(|b| b.material.as_str()).collect();
         let known = known.into_iter().collect::<Vec<_>>().join(", ");
         return Err(Error::input(path, format!("no blades of the material \"{material}\"; expected one of {known}")));
     }

@@ -51,6 +51,8 @@ pub struct Placed {
     pub eyes: Vec<DVec3>,
     /// The wood of plants.
     pub wood: Vec<Wood>,
+    /// For every shape of a plant's blades, the plant's name and what [`Planted::shapes`] says of it.
+    pub shapes: Vec<(String, (usize, f64, [f64; 2]))>,
     /// Lawns on the ground.
     pub grass: Vec<grass::Grass>,
     /// The ground and its reflectance.
@@ -70,7 +72,9 @@ impl Placed {
     /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch whose load
     /// bends it too far.
     pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
-        let Standing { placements, wood, winds } = stand(manifest, &plant::planted(manifest, ledger)?, ledger)?;
+        let planted = plant::planted(manifest, ledger)?;
+        let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
+        let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
         let moves = Moves { winds: winds.as_deref(), grass: false };
@@ -82,6 +86,7 @@ impl Placed {
             placements,
             eyes,
             wood,
+            shapes,
             grass: grass::lawns(manifest, ledger)?,
             ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
             winds,

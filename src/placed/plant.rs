@@ -14,6 +14,7 @@ use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::form::{Branch, Plant};
 use mesophyll_flora::grow::described;
+use mesophyll_flora::import;
 use mesophyll_manifest::{Manifest, Matter};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -52,6 +53,8 @@ pub struct Planted {
     /// The scene's leaf for every blade of the plant.
     leaves: Vec<usize>,
     barks: Vec<(String, [f64; 3])>,
+    /// The factor on the size of what is drawn in place of its blades.
+    leaf_scale: f64,
 }
 
 /// Reads or grows every plant.
@@ -67,8 +70,13 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
             (Some(file), _) => {
                 let path = manifest.resolve(file);
                 let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
-                let plant =
-                    ledger.note("read", file.display().to_string(), bytes, || mesophyll_flora::file::read(&path))?;
+                let known = |material: &str| match said.materials.get(material)? {
+                    Matter::Leaf(_) => Some(import::Matter::Leaf),
+                    Matter::Bark(_) => Some(import::Matter::Wood),
+                };
+                let plant = ledger.note("read", file.display().to_string(), bytes, || {
+                    mesophyll_flora::file::read_any(&path, &known)
+                })?;
                 (file, plant)
             }
             (None, Some(file)) => {
@@ -116,7 +124,7 @@ fn one(
     index: usize,
     said: &mesophyll_manifest::Plant,
     name: String,
-    plant: Plant,
+    mut plant: Plant,
 ) -> Result<Planted> {
     let wrong = |what: String| Error::field(&manifest.path, &field(index, "materials"), what);
     let mut used = BTreeSet::new();
@@ -149,7 +157,16 @@ fn one(
         let known: Vec<&str> = used.iter().map(String::as_str).collect();
         return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
     }
-    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks })
+    sized(&mut plant, said.leaf_scale);
+    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks, leaf_scale: said.leaf_scale })
+}
+
+/// Draws leaves `factor` times as large in place of blades, which themselves stay as they are.
+fn sized(plant: &mut Plant, factor: f64) {
+    if factor != 1.0 {
+        plant.leaves.iter_mut().for_each(|leaf| leaf.transform *= DMat4::from_scale(DVec3::splat(factor)));
+        plant.blades.iter_mut().flat_map(|blade| &mut blade.mesh.positions).for_each(|p| *p /= factor);
+    }
 }
 
 /// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random
@@ -203,6 +220,22 @@ impl Planted {
                 section: None,
             })
         })
+    }
+
+    /// The plant as its file has it: without the scene's `leaf_scale`.
+    pub fn own(&self) -> Plant {
+        let mut plant = self.plant.clone();
+        sized(&mut plant, 1.0 / self.leaf_scale);
+        plant
+    }
+
+    /// For every shape of its blades, the scene's leaf that is drawn for it, how large the shape is (mm across), the
+    /// factor by which the plant enlarges the leaf, and the part of `leaf_scale` in this.
+    pub fn shapes(&self) -> impl Iterator<Item = (usize, f64, [f64; 2])> {
+        let own = self.leaf_scale;
+        let scale = self.places.first().map_or(1.0, |place| place.x_axis.truncate().length()) * own;
+        let across = self.plant.blades.iter().map(move |blade| 2.0 * blade.mesh.bounds().1 * scale);
+        self.leaves.iter().copied().zip(across).map(move |(leaf, across)| (leaf, across, [scale, own]))
     }
 
     fn made_of(&self, material: &str) -> impl Iterator<Item = (usize, &Branch)> {

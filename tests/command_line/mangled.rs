@@ -189,7 +189,7 @@ fn meshes() {
     try_all(&plant, |p| gltf_file::read(p, &kept, |opened| gltf_file::whole(p, &opened)).is_ok());
     // Branches and blades are looked for in whatever triangles are left.
     try_all(&plant, |p| {
-        mesophyll::flora::import::soup::read(p, None).map(|s| mesophyll::flora::import::find(&s)).is_ok()
+        mesophyll::flora::import::soup::read(p, None).map(|s| mesophyll::flora::import::find(&s, &|_| None)).is_ok()
     });
 }
 

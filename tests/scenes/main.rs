@@ -11,6 +11,7 @@ mod check;
 #[path = "../common/mod.rs"]
 mod common;
 mod daylight;
+mod elsewhere;
 mod environment;
 mod film;
 mod goldens;

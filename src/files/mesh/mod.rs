@@ -4,16 +4,18 @@
 //! Lengths are in mm here. A file is in metres, as glTF states, unless its `asset.extras.unit` or the caller says
 //! otherwise. The transforms of all nodes of its scene are applied, and all primitives are joined. The frame is the
 //! file's own: x to the right, y up, z out of the front; texture (0, 0) is the top left of the front's maps. A
-//! primitive that repeats others with reversed winding (the back of a leaf that `export --to gltf` wrote) is dropped,
-//! because a leaf is one surface with two sides. Normals and tangents are computed where the file has none. Pictures,
+//! triangle that repeats another (the back of a leaf that `export --to gltf` wrote) is dropped, because a leaf is one
+//! surface with two sides ([`Doubled`]). Normals and tangents are computed where the file has none. Pictures,
 //! materials and animation in the file are not read.
 
 mod discs;
+mod doubled;
 mod read;
 #[cfg(test)]
 mod tests;
 
 pub use discs::read_discs;
+pub use doubled::Doubled;
 pub use read::{read, read_plain};
 
 use glam::{DMat4, DVec2, DVec3};

@@ -1,11 +1,10 @@
 //! Reads a leaf's mesh from glTF: node transforms and primitives of a file that [`gltf_file`] opened.
 
-use super::{LeafMesh, vertex_normals, vertex_tangents};
-use crate::gltf_file::{self, DEEPEST, Opened, Surface, wide};
+use super::{Doubled, LeafMesh, vertex_normals, vertex_tangents};
+use crate::gltf_file::{self, DEEPEST, MOST_TRIANGLES, Opened, Surface, wide};
 use crate::unit::Unit;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
-use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Reads a glTF file whose lengths are in `unit`. Where none is given, the file's own unit is used: the metre, unless
@@ -31,14 +30,14 @@ fn read_as(path: &Path, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
 }
 
 fn joined(path: &Path, opened: &Opened, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
-    let Opened { document, buffers, unit: own } = opened;
+    let Opened { document, buffers, unit: own, .. } = opened;
     let to_mm = DMat4::from_scale(DVec3::splat(unit.unwrap_or(*own).mm()));
     let mut mesh = LeafMesh::default();
-    let mut given = Given { maps, normals: true, tangents: true, triangles: BTreeSet::new() };
+    let mut given = Given { maps, normals: true, tangents: true, doubled: Doubled::default() };
     match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => {
             for node in scene.nodes() {
-                add_node(path, &node, to_mm, buffers, &mut mesh, &mut given, 0)?;
+                add_node(path, &node, to_mm, opened, &mut mesh, &mut given, 0)?;
             }
         }
         None => {
@@ -69,15 +68,15 @@ struct Given {
     /// Whether all of them had normals.
     normals: bool,
     tangents: bool,
-    /// Their triangles, as bits of the corners' places.
-    triangles: BTreeSet<[[u64; 3]; 3]>,
+    /// Their triangles.
+    doubled: Doubled,
 }
 
 fn add_node(
     path: &Path,
     node: &gltf::Node,
     parent: DMat4,
-    buffers: &[gltf::buffer::Data],
+    opened: &Opened,
     out: &mut LeafMesh,
     given: &mut Given,
     depth: usize,
@@ -90,10 +89,12 @@ fn add_node(
         return Err(Error::field(path, &format!("nodes[{}]", node.index()), "its transform is not finite"));
     }
     if let Some(mesh) = node.mesh() {
-        add_mesh(path, &mesh, world, buffers, out, given)?;
+        for (_, place) in gltf_file::places(path, opened, node)? {
+            add_mesh(path, &mesh, world * place, &opened.buffers, out, given)?;
+        }
     }
     for child in node.children() {
-        add_node(path, &child, world, buffers, out, given, depth + 1)?;
+        add_node(path, &child, world, opened, out, given, depth + 1)?;
     }
     Ok(())
 }
@@ -109,6 +110,14 @@ fn add_mesh(
     for primitive in mesh.primitives() {
         let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
         let Surface { positions, indices } = gltf_file::surface(path, &field, &primitive, buffers)?;
+        if indices.is_empty() {
+            continue;
+        }
+        let total = (out.indices.len() + indices.len()) / 3;
+        if total > MOST_TRIANGLES {
+            let found = format!("{total} triangles so far");
+            return Err(Error::unexpected(path, &field, found, format!("at most {MOST_TRIANGLES}")));
+        }
         let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
         let missing =
             |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
@@ -156,18 +165,12 @@ fn add_mesh(
         let placed: Vec<DVec3> = positions.iter().map(|p| world.transform_point3(*p)).collect();
         let order = |t: &[u32]| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
         let triangles: Vec<[u32; 3]> = indices.chunks_exact(3).map(order).collect();
-        // A triangle as its corners' positions, starting with the smallest. The same triangle with reversed winding
-        // differs in the order of the other two.
-        let key = |corners: [DVec3; 3]| {
-            let bits = corners.map(|p| p.to_array().map(f64::to_bits));
-            let first = (0..3).min_by_key(|k| bits[*k]).unwrap_or(0);
-            [bits[first], bits[(first + 1) % 3], bits[(first + 2) % 3]]
-        };
-        let turned = |t: &[u32; 3]| key([t[0], t[2], t[1]].map(|k| placed[k as usize]));
-        if !triangles.is_empty() && triangles.iter().all(|t| given.triangles.contains(&turned(t))) {
+        let before = triangles.len();
+        let triangles: Vec<[u32; 3]> =
+            triangles.into_iter().filter(|t| !given.doubled.again(t.map(|k| placed[k as usize]))).collect();
+        if before > 0 && triangles.is_empty() {
             continue;
         }
-        given.triangles.extend(triangles.iter().map(|t| key(t.map(|k| placed[k as usize]))));
         let base = out.positions.len() as u32;
         if !given.maps && reader.read_normals().is_none() {
             for corners in triangles.iter().map(|t| t.map(|k| k as usize)) {

@@ -9,6 +9,8 @@
 //! A reader without the extension draws one leaf for each branch. Plain nodes with a mesh below a branch are read as
 //! leaves too. Their place is `at` in their `extras` or, where that is missing, the nearest place on the axis.
 //!
+//! A file without such nodes, as other programs write it, can be read as a plant that stands still ([`read_any`]).
+//!
 //! A plant that moves ([`write_moving`]) has leaves as plain nodes. Its bark is skinned meshes beside the plant's node.
 
 mod moving;
@@ -20,17 +22,13 @@ mod write;
 
 pub use moving::{Carried, write_moving};
 pub use pivots::write_pivots;
-pub use read::read;
-pub(crate) use read::{count, instances};
+pub(crate) use read::count;
+pub use read::{branched, read, read_any};
 pub use write::write;
 
 use serde::{Deserialize, Serialize};
 
-/// The name of the extension that makes leaves instances.
-pub const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-
-/// The largest number of triangles of a file. No renderer here draws more in a useful time.
-pub const MOST_TRIANGLES: usize = 5_000_000;
+pub use mesophyll_files::gltf_file::{INSTANCING, MOST_TRIANGLES};
 
 /// What the `extras` of a branch's node state, in addition to its frame. Lengths are in the node's own units, which are
 /// mm in files of this program.

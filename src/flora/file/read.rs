@@ -2,11 +2,14 @@
 
 use super::{Extras, INSTANCING, MOST_TRIANGLES, PERIOD, Said};
 use crate::form::{Blade, Branch, DAMPINGS, Joint, LEANS, Leaf, Plant, RESONANCES, Stated};
+use crate::import::axis::principal;
+use crate::import::plant::standing;
+use crate::import::{self, Matter, soup};
 use crate::{Error, Result};
-use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
-use gltf::accessor::{DataType, Dimensions, Iter};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 use mesophyll_files::gltf_file::{self, DEEPEST, Opened, Surface, wide};
-use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
+use mesophyll_files::mesh::{Doubled, LeafMesh, vertex_normals, vertex_tangents};
+use mesophyll_files::progress;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -20,17 +23,57 @@ fn upright() -> DMat4 {
 ///
 /// # Errors
 /// [`Error::Input`] in one sentence for what [`gltf_file::read`] refuses, and for a file without branches, names that
-/// occur twice, numbers that are not finite or out of range, nodes that are scaled unevenly, or more than
-/// [`MOST_TRIANGLES`] triangles.
+/// occur twice, numbers that are not finite or out of range, branches that are scaled unevenly or mirrored, or more
+/// than [`MOST_TRIANGLES`] triangles.
 pub fn read(path: &Path) -> Result<Plant> {
+    branched(path)?.ok_or_else(|| {
+        let what = "no node says in its extras that it is a branch; `mesophyll import FILE -o PLANT.glb` finds \
+                    branches in triangles and writes a plant";
+        Error::input(path, what)
+    })
+}
+
+/// As [`read`]; a file without branches is a plant that stands still, whose blades are its flat pieces. `known` says
+/// what a material of such a file is, by its name, where that is known.
+///
+/// # Errors
+/// As [`read`]; for a file without branches those of [`soup::read`], and a material of leaves without a flat piece.
+pub fn read_any(path: &Path, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Result<Plant> {
+    if let Some(plant) = branched(path)? {
+        return Ok(plant);
+    }
+    let soup = soup::read(path, None)?;
+    let mut found = import::find(&soup, known);
+    let of_leaves = |piece: usize| known(soup.material(&found.pieces[piece])) == Some(Matter::Leaf);
+    let (left_out, others): (Vec<_>, Vec<_>) = found.others.clone().into_iter().partition(|o| of_leaves(o.piece));
+    if let Some(first) = left_out.first() {
+        let name = soup.material(&found.pieces[first.piece]);
+        if !found.leaves.iter().any(|leaf| soup.material(&found.pieces[leaf.piece]) == name) {
+            let what = format!(
+                "found no flat piece of the material \"{name}\", in whose place a leaf could be drawn; a reflectance \
+                 [r, g, b] in place of the leaf's name draws it as it is"
+            );
+            return Err(Error::input(path, what));
+        }
+        let what = "of a leaf's material are not flat, and are left out";
+        progress::say(format!("{}: {} of {} pieces {what}", path.display(), left_out.len(), found.pieces.len()));
+    }
+    found.others = others;
+    let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    Ok(standing(&soup, &found, &name))
+}
+
+/// The plant in `path`, or `None` where no node says that it is a branch.
+///
+/// # Errors
+/// As [`read`].
+pub fn branched(path: &Path) -> Result<Option<Plant>> {
     gltf_file::read(path, &[INSTANCING], |opened| {
         count(path, &opened)?;
         let mut reader =
             Reader { path, opened: &opened, plant: Plant::default(), blades: BTreeMap::new(), names: BTreeSet::new() };
         let document = &opened.document;
-        let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
-            return Err(Error::input(path, "found no scene, expected a plant"));
-        };
+        let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else { return Ok(None) };
         let world = upright() * DMat4::from_scale(DVec3::splat(opened.unit.mm()));
         for node in scene.nodes() {
             if reader.plant.name.is_empty() {
@@ -38,23 +81,17 @@ pub fn read(path: &Path) -> Result<Plant> {
             }
             reader.node(&node, world, None, 0)?;
         }
-        if reader.plant.branches.is_empty() {
-            return Err(Error::input(
-                path,
-                "no node says in its extras that it is a branch; `mesophyll import` finds branches in triangles",
-            ));
-        }
-        Ok(reader.plant)
+        Ok(Some(reader.plant).filter(|plant| !plant.branches.is_empty()))
     })
 }
 
+/// A leaf that its nodes enlarge by more than this is in metres, not in mm.
+const IN_METRES: f64 = 100.0;
+
 /// Refuses files with too many triangles before these are read.
 pub(crate) fn count(path: &Path, opened: &Opened) -> Result<()> {
-    let corners = |p: &gltf::Primitive| {
-        p.indices().map_or_else(|| p.get(&gltf::Semantic::Positions).map_or(0, |a| a.count()), |a| a.count())
-    };
     let of_mesh: Vec<usize> =
-        opened.document.meshes().map(|m| m.primitives().map(|p| corners(&p) / 3).sum::<usize>()).collect();
+        opened.document.meshes().map(|m| m.primitives().map(|p| gltf_file::at_most(&p)).sum::<usize>()).collect();
     let total: usize = opened.document.nodes().filter_map(|n| n.mesh()).map(|m| of_mesh[m.index()]).sum();
     if total > MOST_TRIANGLES {
         return Err(Error::unexpected(
@@ -76,8 +113,8 @@ struct Reader<'a> {
     path: &'a Path,
     opened: &'a Opened,
     plant: Plant,
-    /// Index of the blade for each mesh that is one.
-    blades: BTreeMap<usize, usize>,
+    /// Index of the blade for each mesh that is one, and for what its node does to its shape.
+    blades: BTreeMap<(usize, [i64; 9]), usize>,
     names: BTreeSet<String>,
 }
 
@@ -202,8 +239,13 @@ impl Reader<'_> {
     fn scale(&self, node: &gltf::Node, world: DMat4) -> Result<f64> {
         let sizes = [world.x_axis, world.y_axis, world.z_axis].map(|c| c.truncate().length());
         let mean = (sizes[0] + sizes[1] + sizes[2]) / 3.0;
-        if !(mean > 0.0) || sizes.iter().any(|s| (s / mean - 1.0).abs() > 1e-4) || world.determinant() < 0.0 {
-            let what = format!("found {} x {} x {}, expected the same along all axes", sizes[0], sizes[1], sizes[2]);
+        if world.determinant() < 0.0 {
+            let what = "the node is mirrored, which a branch cannot be; expected a scale above 0 along all axes";
+            return Err(self.wrong(node, "scale", what));
+        }
+        if !(mean > 0.0) || sizes.iter().any(|s| (s / mean - 1.0).abs() > 1e-4) {
+            let [x, y, z] = sizes.map(|s| s / sizes[0].max(f64::MIN_POSITIVE));
+            let what = format!("found {x:.4} x {y:.4} x {z:.4} relative to x, expected the same along all axes");
             return Err(self.wrong(node, "scale", what));
         }
         Ok(mean)
@@ -217,19 +259,24 @@ impl Reader<'_> {
         branch: usize,
         said: Option<f64>,
     ) -> Result<()> {
-        let blade = match self.blades.get(&mesh.index()) {
-            Some(known) => *known,
-            None => {
-                let (shape, material) = self.mesh(mesh, 1.0, "leaf")?;
-                self.plant.blades.push(Blade { material, mesh: shape });
-                self.blades.insert(mesh.index(), self.plant.blades.len() - 1);
-                self.plant.blades.len() - 1
-            }
-        };
-        let places = instances(self.path, self.opened, node)?;
-        for (at, local) in places {
-            let transform = world * local;
-            self.scale(node, transform)?;
+        for (at, local) in gltf_file::places(self.path, self.opened, node)? {
+            let Some((transform, shape)) = apart(world * local) else {
+                let what = "found a size of 0 along an axis, or a number that is not finite; expected a size";
+                return Err(self.wrong(node, "scale", what));
+            };
+            // A branch may be in metres. Its blades then are too, and what is drawn for them is not enlarged by that.
+            let unit = if transform.determinant().cbrt() > IN_METRES { 1000.0 } else { 1.0 };
+            let (transform, shape) = (transform * DMat4::from_scale(DVec3::splat(1.0 / unit)), shape * unit);
+            let key = (mesh.index(), shape.to_cols_array().map(|v| (v * 1e4).round() as i64));
+            let blade = match self.blades.get(&key) {
+                Some(known) => *known,
+                None => {
+                    let (own, material) = self.mesh(mesh, 1.0, "leaf")?;
+                    self.plant.blades.push(Blade { material, mesh: shaped(own, shape) });
+                    self.blades.insert(key, self.plant.blades.len() - 1);
+                    self.plant.blades.len() - 1
+                }
+            };
             let at = match at.or(said) {
                 Some(at) if (0.0..=1.0).contains(&at) => at,
                 Some(at) => {
@@ -247,6 +294,7 @@ impl Reader<'_> {
         let mut out = LeafMesh::default();
         let mut material = None;
         let (mut normals, mut maps) = (true, true);
+        let mut doubled = Doubled::default();
         for primitive in mesh.primitives() {
             let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
             let Surface { positions, indices } =
@@ -266,6 +314,11 @@ impl Reader<'_> {
                 .read_tex_coords(0)
                 .map(|l| l.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect())
                 .unwrap_or_default();
+            let single = |t: &&[u32]| !doubled.again([0, 1, 2].map(|k| positions[t[k] as usize]));
+            let indices: Vec<u32> = indices.chunks_exact(3).filter(single).flatten().copied().collect();
+            if indices.is_empty() {
+                continue;
+            }
             let first = out.positions.len() as u32;
             normals &= given.len() == n;
             maps &= uvs.len() == n;
@@ -293,67 +346,47 @@ impl Reader<'_> {
     }
 }
 
-/// The places of instances in the frame of their node, and on their branch. A node without instances counts as one
-/// itself.
-pub(crate) fn instances(path: &Path, opened: &Opened, node: &gltf::Node) -> Result<Vec<(Option<f64>, DMat4)>> {
-    let Some(said) = node.extension_value(INSTANCING) else { return Ok(vec![(None, DMat4::IDENTITY)]) };
-    let list = |key: &str, width: usize| -> Result<Option<Vec<f64>>> {
-        let Some(index) = said.get("attributes").and_then(|a| a.get(key)).and_then(Value::as_u64) else {
-            return Ok(None);
-        };
-        let accessor = opened.document.accessors().nth(index as usize).ok_or_else(|| {
-            wrong(path, node, &format!("{INSTANCING}.{key}"), format!("found accessor {index}, which is not there"))
-        })?;
-        numbers(opened, &accessor, width)
-            .ok_or_else(|| {
-                let what = format!("expected finite floats, {width} an instance, within their buffer");
-                wrong(path, node, &format!("{INSTANCING}.{key}"), what)
-            })
-            .map(Some)
-    };
-    let (moved, turned, scaled, at) =
-        (list("TRANSLATION", 3)?, list("ROTATION", 4)?, list("SCALE", 3)?, list("_AT", 1)?);
-    let lengths = [(&moved, 3), (&turned, 4), (&scaled, 3), (&at, 1)];
-    let counts: Vec<usize> = lengths.iter().filter_map(|(l, w)| l.as_ref().map(|l| l.len() / w)).collect();
-    let n = counts.first().copied().unwrap_or(0);
-    if counts.iter().any(|c| *c != n) {
-        return Err(wrong(path, node, INSTANCING, "its attributes have different counts"));
-    }
-    let three = |list: &Option<Vec<f64>>, k: usize, none: DVec3| {
-        list.as_ref().map_or(none, |l| DVec3::new(l[3 * k], l[3 * k + 1], l[3 * k + 2]))
-    };
-    (0..n)
-        .map(|k| {
-            let turn = turned.as_ref().map_or(DQuat::IDENTITY, |l| DQuat::from_slice(&l[4 * k..4 * k + 4]));
-            if turn.length_squared() < 1e-12 {
-                let what = format!("instance {k}: found 0, 0, 0, 0, expected a unit quaternion");
-                return Err(wrong(path, node, &format!("{INSTANCING}.ROTATION"), what));
-            }
-            let local = DMat4::from_scale_rotation_translation(
-                three(&scaled, k, DVec3::ONE),
-                turn.normalize(),
-                three(&moved, k, DVec3::ZERO),
-            );
-            // Single precision may have rounded a place at the tip upwards.
-            let rounded = |at: f64| if (-1e-6..=1.0 + 1e-6).contains(&at) { at.clamp(0.0, 1.0) } else { at };
-            Ok((at.as_ref().map(|l| rounded(l[k])), local))
-        })
-        .collect()
-}
-
-/// The numbers of an accessor of floats, with `width` numbers in each entry.
-fn numbers(opened: &Opened, accessor: &gltf::Accessor, width: usize) -> Option<Vec<f64>> {
-    let buffer = |b: gltf::Buffer| opened.buffers.get(b.index()).map(|d| d.0.as_slice());
-    if accessor.data_type() != DataType::F32 {
+/// A transform as one of which the turn, the place and an even size are left, and what it does to a shape before that:
+/// a different size along different axes, or a mirror image. `None` where nothing of the shape would be left.
+pub(crate) fn apart(transform: DMat4) -> Option<(DMat4, DMat3)> {
+    let linear = DMat3::from_mat4(transform);
+    let mirror = if linear.determinant() < 0.0 { DVec3::new(1.0, -1.0, 1.0) } else { DVec3::ONE };
+    let linear = linear * DMat3::from_diagonal(mirror);
+    let size = linear.determinant().cbrt();
+    if !(size > 0.0 && transform.is_finite()) {
         return None;
     }
-    let out: Vec<f64> = match (accessor.dimensions(), width) {
-        (Dimensions::Scalar, 1) => Iter::<f32>::new(accessor.clone(), buffer)?.map(f64::from).collect(),
-        (Dimensions::Vec3, 3) => Iter::<[f32; 3]>::new(accessor.clone(), buffer)?.flatten().map(f64::from).collect(),
-        (Dimensions::Vec4, 4) => Iter::<[f32; 4]>::new(accessor.clone(), buffer)?.flatten().map(f64::from).collect(),
-        _ => return None,
+    let square = linear.transpose() * linear * (1.0 / (size * size));
+    let even = (square - DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 2e-4);
+    let stretch = if even {
+        DMat3::IDENTITY
+    } else {
+        // The symmetric root of the square.
+        principal(square).iter().fold(DMat3::ZERO, |sum, (value, axis)| {
+            let root = value.max(0.0).sqrt();
+            sum + DMat3::from_cols(*axis * (root * axis.x), *axis * (root * axis.y), *axis * (root * axis.z))
+        })
     };
-    (out.len() == accessor.count() * width && out.iter().all(|v| v.is_finite())).then_some(out)
+    let turn = linear * stretch.inverse();
+    turn.is_finite().then(|| {
+        let [x, y, z] = [turn.x_axis, turn.y_axis, turn.z_axis].map(|c| c.extend(0.0));
+        (DMat4::from_cols(x, y, z, transform.w_axis), stretch * DMat3::from_diagonal(mirror))
+    })
+}
+
+/// A mesh whose shape is changed as [`apart`] says.
+fn shaped(mut mesh: LeafMesh, shape: DMat3) -> LeafMesh {
+    if shape == DMat3::IDENTITY {
+        return mesh;
+    }
+    let across = shape.inverse().transpose();
+    mesh.positions.iter_mut().for_each(|p| *p = shape * *p);
+    mesh.normals.iter_mut().for_each(|n| *n = (across * *n).normalize_or(DVec3::Z));
+    if shape.determinant() < 0.0 {
+        mesh.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
+    }
+    mesh.tangents = vertex_tangents(&mesh);
+    mesh
 }
 
 /// The share of a branch's axis that is nearest to a place in the plant's frame.

@@ -144,6 +144,51 @@ fn a_scaled_node_scales_what_is_in_it() {
     }
 }
 
+/// A leaf's node may be mirrored and scaled unevenly: the blade gets that shape, and its place is a turn, a move and one
+/// size. Lengths may be in metres.
+#[test]
+fn mirrored_and_uneven_leaves_keep_their_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = read(&changed(folder.path(), |_| ())).unwrap();
+    let triangles = |plant: &Plant| {
+        let mesh = plant.blades_of("elm");
+        (0..mesh.triangles()).map(|t| mesh.triangle(t).map(|k| mesh.positions[k])).collect::<Vec<_>>()
+    };
+    for scale in [[-1.0, -1.0, -1.0], [1.3, 1.0, 0.8], [1.0, -2.0, 1.0]] {
+        // The instances of the first node become one plain leaf at the trunk's root.
+        let alone = |scale: [f64; 3]| {
+            move |json: &mut serde_json::Value| {
+                json["nodes"][3].as_object_mut().unwrap().remove("extensions");
+                json["nodes"][3]["scale"] = json!(scale);
+            }
+        };
+        let even = read(&changed(folder.path(), alone([1.0; 3]))).unwrap();
+        let own = read(&changed(folder.path(), alone(scale))).unwrap();
+        // The bough's leaves come before it.
+        let leaf = own.leaves.last().unwrap();
+        let linear = glam::DMat3::from_mat4(leaf.transform);
+        let square = linear.transpose() * linear * (1.0 / linear.determinant().cbrt().powi(2));
+        assert!(linear.determinant() > 0.0 && square.abs_diff_eq(glam::DMat3::IDENTITY, 1e-4), "{scale:?}: {square}");
+        let trunk = even.branches[0].frame();
+        let place = trunk * DMat4::from_scale(DVec3::from(scale)) * trunk.inverse();
+        for (found, [a, b, c]) in triangles(&own).iter().zip(triangles(&even)).skip(4) {
+            // A mirror image has its corners in the other order.
+            let wanted = if linear.determinant() * scale.iter().product::<f64>() < 0.0 { [a, c, b] } else { [a, b, c] };
+            let wanted = wanted.map(|p| place.transform_point3(p));
+            assert!((0..3).all(|k| near(found[k], wanted[k], 0.01)), "{scale:?}: {found:?} {wanted:?}");
+        }
+    }
+    // The same plant in metres: what is drawn for a leaf is as large as before.
+    let metres = read(&changed(folder.path(), |json| {
+        json["nodes"][0]["scale"] = json!([1.0, 1.0, 1.0]);
+        for k in 1..3 {
+            json["nodes"][k]["extras"]["branch"]["axis_mm"] = json!([[0, 0, 0], [0.9, 0, 0]]);
+        }
+    }));
+    let (leaf, same) = (metres.unwrap().leaves[0], plain.leaves[0]);
+    assert!((leaf.transform.determinant() / same.transform.determinant() - 1.0).abs() < 1e-5);
+}
+
 #[test]
 fn bad_files_end_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
@@ -165,7 +210,7 @@ fn bad_files_end_in_a_sentence() {
         (&|j| j["nodes"][3]["extensions"][INSTANCING]["attributes"]["SCALE"] = json!(3), "floats, 3 an instance"),
         (
             &|j| (1..3).for_each(|k| drop(j["nodes"][k].as_object_mut().unwrap().remove("extras"))),
-            "`mesophyll import` finds branches",
+            "`mesophyll import FILE -o PLANT.glb` finds branches",
         ),
         (
             &|j| {
@@ -184,7 +229,7 @@ fn bad_files_end_in_a_sentence() {
     let text = std::fs::read_to_string(&path).unwrap().replace("12345.5", "1e999");
     std::fs::write(&path, text).unwrap();
     let error = read(&path).unwrap_err().to_string();
-    assert!(error.contains("extras: number out of range"), "{error}");
+    assert!(error.contains("not a readable glTF file (number out of range"), "{error}");
     // What is missing once is named once, and not for each place that needs it.
     let error = said(&|j| drop(j.as_object_mut().unwrap().remove("buffers")));
     assert!(error.contains("bufferViews[0].buffer") && error.len() < 300, "{error}");

@@ -117,8 +117,8 @@ struct Choice {
     stands: Option<f64>,
 }
 
-/// Finds every tube's parent. Parents stand before what grows on them. `refused` are the triangles of each piece that
-/// is no tube.
+/// Finds every tube's parent. The `piece` of a branch is the index of its tube. Parents stand before what grows on
+/// them. `refused` are the triangles of each piece that is no tube.
 pub fn attach(tubes: Vec<Tube>, refused: Vec<Vec<[DVec3; 3]>>) -> Vec<Branch> {
     let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
     let refused: Vec<Refused> = refused.into_iter().map(Refused::new).collect();
@@ -154,10 +154,11 @@ pub fn attach(tubes: Vec<Tube>, refused: Vec<Vec<[DVec3; 3]>>) -> Vec<Branch> {
                 continue;
             }
             place[k] = Some(out.len());
-            let branch = match candidate {
+            let mut branch = match candidate {
                 Some(c) => joined(&tubes[k], c, &all[k].candidates, &place, &out),
                 None => rootless(&tubes[k], &all[k], &tubes, &place, &out, size),
             };
+            branch.piece = k;
             out.push(branch);
             next.extend(waiting[k].iter().map(|child| (*child, all[*child].candidates.first().copied())));
         }
@@ -189,6 +190,7 @@ fn joined(tube: &Tube, c: Candidate, list: &[Candidate], place: &[Option<usize>]
     let clear = if lead.is_finite() { lead / (lead + 0.15) } else { 1.0 };
     let touching = 1.0 - 0.5 * (c.gap.max(0.0) / (GAP * tube.root_radius.max(f64::MIN_POSITIVE))).min(1.0);
     Branch {
+        piece: 0,
         level: out[parent].level.map(|l| l + 1),
         parent: Some(parent),
         at,
@@ -207,8 +209,15 @@ fn rootless(
     out: &[Branch],
     size: f64,
 ) -> Branch {
-    let branch =
-        Branch { tube: tube.clone(), parent: None, at: 0.0, level: Some(0), confidence: 1.0, unattached: None };
+    let branch = Branch {
+        piece: 0,
+        tube: tube.clone(),
+        parent: None,
+        at: 0.0,
+        level: Some(0),
+        confidence: 1.0,
+        unattached: None,
+    };
     let unknown = |why: String| Branch { level: None, confidence: 0.0, unattached: Some(why), ..branch.clone() };
     if let Some(gap) = choice.stands {
         return unknown(format!("its root is {:.3} mm from a piece that is no tube, see others.csv", gap));

@@ -11,6 +11,12 @@ use crate::form::along;
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, HashMap};
 
+/// The largest mean deviation of the cuts' radii from a line, as a share of the mean radius, in a piece that is closed
+/// at both ends. It is .24 for an egg of any length, and 0 for a tapered tube.
+const SWELL: f64 = 0.15;
+/// A piece that ends in a point and is shorter than this many of its radii at the other end is a crown like a cone.
+const CONE: f64 = 4.0;
+
 /// The largest number of cuts through a piece.
 const CUTS: usize = 48;
 /// A piece with at least this ratio of length to width is followed along its longest direction.
@@ -154,19 +160,39 @@ pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     let (low, high) = range(&heights);
     let length = high - low;
     let axis = trimmed(&axis, low, high);
-    let [root, tip] =
-        line(&radii.iter().map(|(height, cut)| ((height - low) / length, cut.radius)).collect::<Vec<_>>());
+    let outline: Vec<(f64, f64)> = radii.iter().map(|(height, cut)| ((height - low) / length, cut.radius)).collect();
+    let [root, tip] = line(&outline);
     let rms = (radii.iter().map(|(_, cut)| cut.stray * cut.stray).sum::<f64>() / radii.len() as f64).sqrt();
     let mean = 0.5 * (root + tip);
     if !(mean > 0.0) || rms > ROUND * mean {
         let what = "the radius of its outlines varies by";
         return Err(format!("it is not round: {what} {rms:.3} mm around a mean of {mean:.3} mm"));
     }
+    if let Some(why) = crown(&outline, [root, tip], length) {
+        return Err(why);
+    }
     if length < SHORTEST * mean {
         return Err(format!("it is {length:.3} mm long and {:.3} mm wide, expected a tube", 2.0 * mean));
     }
     let tube = Tube { axis, root_radius: root.max(0.0), tip_radius: tip.max(0.0) };
     Ok(if tube.root_radius >= tube.tip_radius { tube } else { tube.turned() })
+}
+
+/// Why a piece is a crown that is drawn as one ball or cone, if it is. `outline` has the share of the axis and the
+/// radius of each cut, `ends` the radii of the line through them.
+fn crown(outline: &[(f64, f64)], ends: [f64; 2], length: f64) -> Option<String> {
+    let [root, tip] = ends;
+    let mean = 0.5 * (root + tip);
+    let off = |(at, radius): &(f64, f64)| (radius - root - at * (tip - root)) / mean;
+    let [first, last] = [outline.first()?, outline.last()?].map(off);
+    let swell = outline.iter().map(|cut| off(cut).abs()).sum::<f64>() / outline.len() as f64;
+    if first < -0.1 && last < -0.1 && swell > SWELL {
+        return Some(format!("it swells like a ball between closed ends, to a radius of {mean:.3} mm: no branch does"));
+    }
+    let [thin, thick] = if root < tip { [root, tip] } else { [tip, root] };
+    (thin < 0.15 * thick && length < CONE * thick).then(|| {
+        format!("it is a cone of {length:.3} mm with a radius of {thick:.3} mm: no branch is so short for its width")
+    })
 }
 
 fn mesh(soup: &Soup, piece: &Piece) -> Mesh {

@@ -6,9 +6,6 @@ use glam::DVec3;
 use mesophyll_files::gltf_file::Surface;
 use std::collections::HashMap;
 
-/// A blade whose width is more than this share of its length has no longest direction that could be trusted.
-const ROUND: f64 = 0.9;
-
 /// What [`flat`] found.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Flat {
@@ -82,12 +79,7 @@ impl Axes {
             })
             .sum();
         let normal = if facing.dot(found.normal) < 0.0 { -found.normal } else { found.normal };
-        let principal = (found.ends[1] - found.ends[0]).normalize_or_zero();
-        let long = if found.size[1] > ROUND * found.size[0] {
-            longest_edge(soup, piece, normal).unwrap_or(principal)
-        } else {
-            principal
-        };
+        let long = (found.ends[1] - found.ends[0]).normalize_or_zero();
         if long == DVec3::ZERO {
             return None;
         }
@@ -108,23 +100,6 @@ impl Axes {
     fn place(&self, p: DVec3) -> [f64; 2] {
         self.0.map(|(axis, low, length)| ((p.dot(axis) - low) / length).clamp(0.0, 1.0))
     }
-}
-
-/// The direction of the piece's longest edge that belongs to one triangle only, within the plane of `normal`.
-fn longest_edge(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
-    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
-    for t in &piece.triangles {
-        let [a, b, c] = soup.triangles[*t as usize];
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            *edges.entry([from.min(to), from.max(to)]).or_default() += 1;
-        }
-    }
-    let line = |[a, b]: [u32; 2]| soup.places[b as usize] - soup.places[a as usize];
-    let mut border: Vec<[u32; 2]> = edges.into_iter().filter(|(_, n)| *n == 1).map(|(edge, _)| edge).collect();
-    // The order of a map changes from run to run.
-    border.sort_unstable();
-    let longest = border.into_iter().map(line).max_by(|a, b| a.length().total_cmp(&b.length()))?;
-    (longest - normal * longest.dot(normal)).try_normalize()
 }
 
 #[cfg(test)]

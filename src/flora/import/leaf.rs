@@ -6,12 +6,15 @@ use super::soup::{Piece, Soup};
 use super::{Branch, Leaf};
 use crate::form::nearest;
 use glam::{DMat3, DVec3};
+use std::collections::HashMap;
 
 /// Least ratio of the largest eigenvalue of Σ A n nᵀ to the area Σ A. It is 1 for a flat piece, and at most ½ for a
 /// round tube, whose eigenvalues are ½, ½ and 0. Folded or curled blades lie between.
 const FLAT: f64 = 0.72;
 /// Largest gap between a blade and its branch, as a share of the blade's length. Stalks are often not drawn.
 const STALK: f64 = 0.6;
+/// A blade whose width is more than this share of its length has no longest direction that could be trusted.
+const ROUND: f64 = 0.9;
 
 /// The piece as a blade, or `None` if it is none.
 pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
@@ -46,23 +49,66 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
     };
     let (low, high) = extent(long);
     let (left, right) = extent(wide);
+    let round = right - left > ROUND * (high - low);
+    let picture = if round { up(soup, piece, normal) } else { None };
+    let edge = if round { picture.or_else(|| longest_edge(soup, piece, normal)) } else { None };
+    let (long, [low, high], [left, right]) = match edge {
+        Some(edge) => (edge, extent(edge).into(), extent(normal.cross(edge)).into()),
+        None => (long, [low, high], [left, right]),
+    };
     Some(Leaf {
+        piece: 0,
         centre,
         normal,
         size: [high - low, right - left],
         area: whole,
         ends: [centre + long * low, centre + long * high],
+        upright: picture.is_some(),
         joint: None,
+        nearest: None,
         gap: f64::INFINITY,
     })
 }
 
-/// Attaches every blade to the branch that is nearest to one of its two ends.
+/// The direction of the picture's top within the plane of `normal`: leaves grow upwards in pictures of leaves. `None`
+/// without texture coordinates.
+fn up(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
+    let of = |t: &u32| {
+        let [a, b, c] = soup.corners(*t);
+        let [p, q, r] = soup.said.get(*t as usize)?.uvs.map(|uv| uv.map(f64::from));
+        let (d, e) = ([q[0] - p[0], q[1] - p[1]], [r[0] - p[0], r[1] - p[1]]);
+        let turn = d[0] * e[1] - e[0] * d[1];
+        (turn != 0.0).then(|| ((b - a) * e[0] - (c - a) * d[0]) * turn.signum())
+    };
+    let sum: DVec3 = piece.triangles.iter().filter_map(of).sum();
+    (sum - normal * sum.dot(normal)).try_normalize()
+}
+
+/// The direction of the piece's longest edge that belongs to one triangle only, within the plane of `normal`.
+fn longest_edge(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
+    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
+    for t in &piece.triangles {
+        let [a, b, c] = soup.triangles[*t as usize];
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *edges.entry([from.min(to), from.max(to)]).or_default() += 1;
+        }
+    }
+    let line = |[a, b]: [u32; 2]| soup.places[b as usize] - soup.places[a as usize];
+    let mut border: Vec<[u32; 2]> = edges.into_iter().filter(|(_, n)| *n == 1).map(|(edge, _)| edge).collect();
+    // The order of a map changes from run to run.
+    border.sort_unstable();
+    let longest = border.into_iter().map(line).max_by(|a, b| a.length().total_cmp(&b.length()))?;
+    (longest - normal * longest.dot(normal)).try_normalize()
+}
+
+/// Attaches every blade to the branch that is nearest to one of its two ends. This end becomes the first one, unless a
+/// picture says which is.
 pub fn hang(leaves: &mut [Leaf], branches: &[Branch]) {
     use rayon::prelude::*;
     let boxes: Vec<(DVec3, DVec3, f64)> = branches.iter().map(|b| b.tube.around()).collect();
     leaves.par_iter_mut().for_each(|leaf| {
-        for end in leaf.ends {
+        let mut base = 0;
+        for (e, end) in leaf.ends.into_iter().enumerate() {
             for (k, (branch, (low, high, thick))) in branches.iter().zip(&boxes).enumerate() {
                 let outside = (*low - end).max(end - *high).max(DVec3::ZERO).length();
                 if outside - thick >= leaf.gap {
@@ -71,12 +117,13 @@ pub fn hang(leaves: &mut [Leaf], branches: &[Branch]) {
                 let (at, distance) = nearest(&branch.tube.axis, end);
                 let gap = distance - branch.tube.radius(at);
                 if gap < leaf.gap {
-                    (leaf.gap, leaf.joint) = (gap, Some((k, at)));
+                    (base, leaf.gap, leaf.nearest) = (e, gap, Some((k, at)));
                 }
             }
         }
-        if !(leaf.gap <= STALK * leaf.size[0]) {
-            leaf.joint = None;
+        if !leaf.upright {
+            leaf.ends.swap(0, base);
         }
+        leaf.joint = leaf.nearest.filter(|_| leaf.gap <= STALK * leaf.size[0]);
     });
 }

@@ -8,8 +8,12 @@
 mod arms;
 pub mod attach;
 pub mod axis;
+#[cfg(test)]
+mod elsewhere;
 pub mod flat;
 pub mod leaf;
+mod outline;
+pub mod plant;
 mod refused;
 pub mod soup;
 pub mod table;
@@ -21,7 +25,7 @@ use axis::Tube;
 use glam::DVec3;
 use mesophyll_files::unit::Unit;
 use rayon::prelude::*;
-use soup::Soup;
+use soup::{Piece, Soup};
 use std::path::Path;
 
 /// The parts of a plant that were found.
@@ -35,11 +39,17 @@ pub struct Found {
     pub others: Vec<Other>,
     /// Triangles without an area, which were left out.
     pub degenerate: usize,
+    /// Triangles that repeat another one, which were left out.
+    pub doubled: usize,
+    /// All pieces of the soup, which the parts refer to.
+    pub pieces: Vec<Piece>,
 }
 
 /// A branch that was found.
 #[derive(Debug, Clone)]
 pub struct Branch {
+    /// Index of its piece.
+    pub piece: usize,
     /// Its axis and radii.
     pub tube: Tube,
     /// Index of the branch on which it grows.
@@ -57,6 +67,8 @@ pub struct Branch {
 /// A blade that was found.
 #[derive(Debug, Clone)]
 pub struct Leaf {
+    /// Index of its piece.
+    pub piece: usize,
     /// Its middle (mm).
     pub centre: DVec3,
     /// Unit normal of its plane. A flat piece does not tell which of its two sides is the front.
@@ -65,10 +77,14 @@ pub struct Leaf {
     pub size: [f64; 2],
     /// Area of one side (mm²).
     pub area: f64,
-    /// The two ends of its longest extent (mm).
+    /// The two ends of its longest extent (mm). The first is the one that hangs on the branch.
     pub ends: [DVec3; 2],
+    /// Whether its texture coordinates say which end is the tip, because it is about as wide as long.
+    pub upright: bool,
     /// The branch that it hangs on, and the share of its axis; `None` where no branch is near.
     pub joint: Option<(usize, f64)>,
+    /// The same for the nearest branch, however far it is; `None` where there is no branch.
+    pub nearest: Option<(usize, f64)>,
     /// Distance from the blade's edge to the branch's surface (mm).
     pub gap: f64,
 }
@@ -76,6 +92,8 @@ pub struct Leaf {
 /// A piece that is neither a tube nor a blade.
 #[derive(Debug, Clone)]
 pub struct Other {
+    /// Index of its piece.
+    pub piece: usize,
     /// Its middle (mm).
     pub centre: DVec3,
     /// Its triangles.
@@ -88,54 +106,107 @@ pub struct Other {
 ///
 /// # Errors
 /// [`Error::Input`] in one sentence, for what [`soup::read`] refuses and for a file in which no piece is a tube.
-pub fn import(path: &Path, unit: Option<Unit>) -> Result<Found> {
+pub fn import(path: &Path, unit: Option<Unit>) -> Result<(Soup, Found)> {
     let soup = soup::read(path, unit)?;
-    let found = find(&soup);
+    let found = find(&soup, &|_| None);
     if found.branches.is_empty() {
+        let why = found.others.first().map_or_else(String::new, |other| format!(" (the first one: {})", other.why));
         let what = format!(
-            "found no branch among {} flat pieces and {} others, expected at least one tube",
+            "found no branch among {} flat pieces and {} others{why}, expected at least one tube; as it is, a scene \
+             takes the file as a plant that stands still ([[plant]] file)",
             found.leaves.len(),
             found.others.len()
         );
         return Err(Error::input(path, what));
     }
-    Ok(found)
+    Ok((soup, found))
 }
 
-enum Piece {
+/// What a material is known to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Matter {
+    /// Blades, whatever their shape is.
+    Leaf,
+    /// Wood, also where it is flat.
+    Wood,
+}
+
+/// Sizes that no plant has, a sentence each: the file's unit is probably another.
+pub fn strange(soup: &Soup, found: &Found) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut lengths: Vec<f64> = found.leaves.iter().map(|leaf| leaf.size[0]).collect();
+    lengths.sort_by(f64::total_cmp);
+    let unit = "are the file's lengths in another unit than was taken (--unit)?";
+    if let Some(median) = lengths.get(lengths.len() / 2).filter(|mm| !BLADES.contains(mm)) {
+        let than = if *median < 1.0 { "shorter" } else { "longer" };
+        out.push(format!("half of the blades are {than} than {}, which no leaf is: {unit}", metres(*median)));
+    }
+    let (low, high) = soup
+        .places
+        .iter()
+        .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
+    let size = (high - low).max_element();
+    if !PLANTS.contains(&size) {
+        out.push(format!("the plant is {} across, which no plant with branches is: {unit}", metres(size)));
+    }
+    out
+}
+
+/// The lengths of blades (mm) that are taken as they are: from those of duckweed to twice those of a banana.
+const BLADES: std::ops::RangeInclusive<f64> = 0.3..=6000.0;
+/// The same for plants with branches; the tallest tree has 116 m.
+const PLANTS: std::ops::RangeInclusive<f64> = 30.0..=150_000.0;
+
+/// A length in mm as text in metres, with three digits.
+fn metres(mm: f64) -> String {
+    let digits = (2 - (mm / 1000.0).log10().floor() as i32).clamp(0, 9) as usize;
+    format!("{:.digits$} m", mm / 1000.0)
+}
+
+enum Kind {
     Tube(Box<Tube>),
     Leaf(Leaf),
     Other(Other),
 }
 
-/// Finds the branches of a soup.
-pub fn find(soup: &Soup) -> Found {
+/// Finds the branches of a soup. `known` says what a material is, by its name, where that is known.
+pub fn find(soup: &Soup, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Found {
     let all = soup.pieces();
-    let pieces: Vec<Piece> = all
-        .par_iter()
-        .map(|piece| {
-            if let Some(leaf) = leaf::of(soup, piece) {
-                return Piece::Leaf(leaf);
+    let kind = |(k, piece): (usize, &Piece)| {
+        let matter = known(soup.material(piece));
+        if matter != Some(Matter::Wood)
+            && let Some(leaf) = leaf::of(soup, piece)
+        {
+            return Kind::Leaf(Leaf { piece: k, ..leaf });
+        }
+        let other = |why| Other { piece: k, centre: soup.centre(piece), triangles: piece.triangles.len(), why };
+        if matter == Some(Matter::Leaf) {
+            return Kind::Other(other("it is not flat, expected a blade".into()));
+        }
+        axis::of(soup, piece).map_or_else(|why| Kind::Other(other(why)), |tube| Kind::Tube(Box::new(tube)))
+    };
+    let kinds: Vec<Kind> = all.par_iter().enumerate().map(kind).collect();
+    let mut found = Found { degenerate: soup.degenerate, doubled: soup.doubled, ..Found::default() };
+    let (mut tubes, mut of_tubes, mut refused) = (Vec::new(), Vec::new(), Vec::new());
+    for (k, kind) in kinds.into_iter().enumerate() {
+        match kind {
+            Kind::Tube(tube) => {
+                tubes.push(*tube);
+                of_tubes.push(k);
             }
-            match axis::of(soup, piece) {
-                Ok(tube) => Piece::Tube(Box::new(tube)),
-                Err(why) => Piece::Other(Other { centre: soup.centre(piece), triangles: piece.triangles.len(), why }),
-            }
-        })
-        .collect();
-    let mut found = Found { degenerate: soup.degenerate, ..Found::default() };
-    let (mut tubes, mut refused) = (Vec::new(), Vec::new());
-    for (piece, own) in pieces.into_iter().zip(&all) {
-        match piece {
-            Piece::Tube(tube) => tubes.push(*tube),
-            Piece::Leaf(leaf) => found.leaves.push(leaf),
-            Piece::Other(other) => {
+            Kind::Leaf(leaf) => found.leaves.push(leaf),
+            Kind::Other(other) => {
                 found.others.push(other);
-                refused.push(own.triangles.iter().map(|t| soup.corners(*t)).collect());
+                // What is known to be a leaf carries nothing.
+                if known(soup.material(&all[k])) != Some(Matter::Leaf) {
+                    refused.push(all[k].triangles.iter().map(|t| soup.corners(*t)).collect());
+                }
             }
         }
     }
     found.branches = attach::attach(tubes, refused);
+    found.branches.iter_mut().for_each(|branch| branch.piece = of_tubes[branch.piece]);
     leaf::hang(&mut found.leaves, &found.branches);
+    found.pieces = all;
     found
 }

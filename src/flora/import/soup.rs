@@ -2,10 +2,10 @@
 
 use crate::file::{INSTANCING, MOST_TRIANGLES};
 use crate::{Error, Result};
-use glam::{DMat4, DVec3, I64Vec3};
-use mesophyll_files::gltf_file::{self, DEEPEST, Opened};
+use glam::{DMat3, DMat4, DVec3, I64Vec3};
+use mesophyll_files::gltf_file::{self, DEEPEST, Mask, Opened, wide};
 use mesophyll_files::unit::Unit;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Vertices are merged if their distance is less than this share of the plant's size.
@@ -18,15 +18,44 @@ pub struct Soup {
     pub places: Vec<DVec3>,
     /// Indices of the three places of each triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// What the file says of the corners of each triangle, in the same order.
+    pub said: Vec<Corners>,
+    /// Names of materials, each once; "" for triangles without one.
+    pub materials: Vec<String>,
+    /// What each material cuts out of a picture; `None` where it cuts nothing out.
+    pub masks: Vec<Option<Mask>>,
     /// Triangles without an area, which were left out.
     pub degenerate: usize,
+    /// Triangles that repeat another one, as the back of a leaf does, which were left out.
+    pub doubled: usize,
 }
 
-/// A set of connected triangles.
+/// What a file says of the corners of a triangle.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Corners {
+    /// Unit normals; 0 where the file has none.
+    pub normals: [[f32; 3]; 3],
+    /// Texture coordinates; 0 where the file has none.
+    pub uvs: [[f32; 2]; 3],
+    /// Index of the material.
+    pub material: u32,
+}
+
+/// A set of connected triangles of one material.
 #[derive(Debug, Clone, Default)]
 pub struct Piece {
     /// Indices of triangles.
     pub triangles: Vec<u32>,
+}
+
+type Given = ([DVec3; 3], Corners);
+
+struct Reader<'a> {
+    path: &'a Path,
+    opened: &'a Opened,
+    materials: Vec<String>,
+    masks: Vec<Option<Mask>>,
+    out: Vec<Given>,
 }
 
 /// Reads every triangle of the file's scene at the place that its nodes give, including instances.
@@ -38,21 +67,21 @@ pub struct Piece {
 pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
     gltf_file::read(path, &[INSTANCING], |opened| {
         crate::file::count(path, &opened)?;
-        let mut corners: Vec<[DVec3; 3]> = Vec::new();
+        let mut reader = Reader { path, opened: &opened, materials: Vec::new(), masks: Vec::new(), out: Vec::new() };
         let world = DMat4::from_scale(DVec3::splat(unit.unwrap_or(opened.unit).mm()));
         match opened.document.default_scene().or_else(|| opened.document.scenes().next()) {
             Some(scene) => {
                 for node in scene.nodes() {
-                    add_node(path, &opened, &node, world, &mut corners, 0)?;
+                    reader.node(&node, world, 0)?;
                 }
             }
             None => {
                 for mesh in opened.document.meshes() {
-                    add_mesh(path, &opened, &mesh, &[world], &mut corners)?;
+                    reader.mesh(&mesh, &[world])?;
                 }
             }
         }
-        let soup = Soup::new(&corners);
+        let soup = Soup { masks: reader.masks, ..Soup::with(&reader.out, reader.materials) };
         if soup.triangles.is_empty() {
             let what = if soup.degenerate > 0 {
                 format!("all {} triangles are degenerate: none has an area", soup.degenerate)
@@ -65,57 +94,66 @@ pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
     })
 }
 
-fn add_node(
-    path: &Path,
-    opened: &Opened,
-    node: &gltf::Node,
-    above: DMat4,
-    out: &mut Vec<[DVec3; 3]>,
-    depth: usize,
-) -> Result<()> {
-    if depth > DEEPEST {
-        return Err(Error::field(path, "nodes", format!("nested more than {DEEPEST} deep")));
+impl Reader<'_> {
+    fn node(&mut self, node: &gltf::Node, above: DMat4, depth: usize) -> Result<()> {
+        if depth > DEEPEST {
+            return Err(Error::field(self.path, "nodes", format!("nested more than {DEEPEST} deep")));
+        }
+        let world = above * gltf_file::local(node);
+        if !world.is_finite() {
+            return Err(Error::field(self.path, &format!("nodes[{}]", node.index()), "its transform is not finite"));
+        }
+        if let Some(mesh) = node.mesh() {
+            let places = gltf_file::places(self.path, self.opened, node)?;
+            let worlds: Vec<DMat4> = places.iter().map(|(_, local)| world * *local).collect();
+            self.mesh(&mesh, &worlds)?;
+        }
+        for child in node.children() {
+            self.node(&child, world, depth + 1)?;
+        }
+        Ok(())
     }
-    let world = above * gltf_file::local(node);
-    if !world.is_finite() {
-        return Err(Error::field(path, &format!("nodes[{}]", node.index()), "its transform is not finite"));
-    }
-    if let Some(mesh) = node.mesh() {
-        let places = crate::file::instances(path, opened, node)?;
-        let worlds: Vec<DMat4> = places.iter().map(|(_, local)| world * *local).collect();
-        add_mesh(path, opened, &mesh, &worlds, out)?;
-    }
-    for child in node.children() {
-        add_node(path, opened, &child, world, out, depth + 1)?;
-    }
-    Ok(())
-}
 
-fn add_mesh(
-    path: &Path,
-    opened: &Opened,
-    mesh: &gltf::Mesh,
-    worlds: &[DMat4],
-    out: &mut Vec<[DVec3; 3]>,
-) -> Result<()> {
-    for primitive in mesh.primitives() {
-        let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
-        let surface = gltf_file::surface(path, &field, &primitive, &opened.buffers)?;
-        let total = out.len() + worlds.len() * surface.indices.len() / 3;
-        if total > MOST_TRIANGLES {
-            return Err(Error::unexpected(
-                path,
-                &field,
-                format!("{total} triangles so far"),
-                format!("at most {MOST_TRIANGLES}"),
-            ));
+    fn mesh(&mut self, mesh: &gltf::Mesh, worlds: &[DMat4]) -> Result<()> {
+        for primitive in mesh.primitives() {
+            let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
+            let surface = gltf_file::surface(self.path, &field, &primitive, &self.opened.buffers)?;
+            let total = self.out.len() + worlds.len() * surface.indices.len() / 3;
+            if total > MOST_TRIANGLES {
+                let found = format!("{total} triangles so far");
+                return Err(Error::unexpected(self.path, &field, found, format!("at most {MOST_TRIANGLES}")));
+            }
+            let reader = primitive.reader(|b| self.opened.buffers.get(b.index()).map(|d| d.0.as_slice()));
+            let normals: Vec<DVec3> = reader.read_normals().map(|l| l.map(wide).collect()).unwrap_or_default();
+            let uvs: Vec<[f32; 2]> = reader.read_tex_coords(0).map(|l| l.into_f32().collect()).unwrap_or_default();
+            let name = primitive.material().name().unwrap_or_default();
+            let known = self.materials.iter().position(|own| own == name);
+            let material = known.unwrap_or_else(|| {
+                self.materials.push(name.to_string());
+                let index = primitive.material().index();
+                self.masks.push(index.and_then(|k| Mask::of(self.path, self.opened, k)));
+                self.materials.len() - 1
+            }) as u32;
+            for world in worlds {
+                let placed: Vec<DVec3> = surface.positions.iter().map(|p| world.transform_point3(*p)).collect();
+                let linear = DMat3::from_mat4(*world);
+                let across = linear.inverse().transpose();
+                let normal = |k: usize| {
+                    let turned = normals.get(k).map(|n| (across * *n).normalize_or_zero());
+                    turned.filter(|n| n.is_finite()).unwrap_or_default().as_vec3().to_array()
+                };
+                // A mirrored node also reverses the order of the corners.
+                let order = if linear.determinant() < 0.0 { [0, 2, 1] } else { [0, 1, 2] };
+                self.out.extend(surface.indices.chunks_exact(3).map(|t| {
+                    let own = order.map(|k| t[k] as usize);
+                    let uv = |k: usize| uvs.get(k).copied().filter(|uv| uv.iter().all(|v| v.is_finite()));
+                    let uvs = own.map(|k| uv(k).unwrap_or_default());
+                    (own.map(|k| placed[k]), Corners { normals: own.map(normal), uvs, material })
+                }));
+            }
         }
-        for world in worlds {
-            let placed: Vec<DVec3> = surface.positions.iter().map(|p| world.transform_point3(*p)).collect();
-            out.extend(surface.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| placed[t[k] as usize])));
-        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Sets of connected numbers. Each number points to a lower one of its set, or to itself.
@@ -152,28 +190,39 @@ impl Sets {
 }
 
 impl Soup {
-    /// Merges vertices at the same place, and leaves out triangles without an area.
+    /// Merges vertices at the same place, and leaves out triangles without an area and those that repeat another.
     pub fn new(corners: &[[DVec3; 3]]) -> Soup {
-        let (low, high) = corners
+        let given: Vec<Given> = corners.iter().map(|c| (*c, Corners::default())).collect();
+        Soup::with(&given, vec![String::new()])
+    }
+
+    fn with(given: &[Given], materials: Vec<String>) -> Soup {
+        let (low, high) = given
             .iter()
-            .flatten()
+            .flat_map(|(corners, _)| corners)
             .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
         let cell = (WELD * (high - low).length()).max(f64::MIN_POSITIVE);
-        let mut soup = Soup::default();
+        let mut soup = Soup { materials, ..Soup::default() };
         let mut known: HashMap<I64Vec3, Vec<u32>> = HashMap::new();
-        for triangle in corners {
+        let mut seen: HashSet<[u32; 3]> = HashSet::with_capacity(given.len());
+        for (triangle, said) in given {
             let indices = triangle.map(|p| soup.index(p - low, low, cell, &mut known));
             let [a, b, c] = indices.map(|k| soup.places[k as usize]);
             let (sides, area) = ([b - a, c - a, c - b], (b - a).cross(c - a).length());
             let longest = sides.iter().map(|s| s.length()).fold(0.0, f64::max);
+            let mut sorted = indices;
+            sorted.sort_unstable();
             if indices[0] == indices[1]
                 || indices[1] == indices[2]
                 || indices[2] == indices[0]
                 || !(area > 1e-9 * longest * longest)
             {
                 soup.degenerate += 1;
+            } else if !seen.insert(sorted) {
+                soup.doubled += 1;
             } else {
                 soup.triangles.push(indices);
+                soup.said.push(*said);
             }
         }
         soup
@@ -204,7 +253,19 @@ impl Soup {
         new
     }
 
-    /// Corners of a triangle.
+    /// The name of a piece's material.
+    pub fn material(&self, piece: &Piece) -> &str {
+        let first = piece.triangles.first().and_then(|t| self.said.get(*t as usize));
+        first.and_then(|c| self.materials.get(c.material as usize)).map_or("", String::as_str)
+    }
+
+    /// What a material, by its name, cuts out of a picture.
+    pub fn mask(&self, material: &str) -> Option<&Mask> {
+        let k = self.materials.iter().position(|own| own == material)?;
+        self.masks.get(k)?.as_ref()
+    }
+
+    /// Places of a triangle's corners.
     pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
         self.triangles[triangle as usize].map(|k| self.places[k as usize])
     }
@@ -221,17 +282,26 @@ impl Soup {
         sum / whole
     }
 
-    /// The pieces, in the order of their first triangles.
+    /// The pieces, in the order of their first triangles. Triangles of different materials are never in one piece.
     pub fn pieces(&self) -> Vec<Piece> {
+        // The same place is another vertex for each further material.
         let mut sets = Sets((0..self.places.len() as u32).collect());
-        for [a, b, c] in &self.triangles {
-            sets.join(*a, *b);
-            sets.join(*a, *c);
+        let mut more: HashMap<(u32, u32), u32> = HashMap::new();
+        let mut vertices = Vec::with_capacity(self.triangles.len());
+        for (t, places) in self.triangles.iter().enumerate() {
+            let material = self.said.get(t).map_or(0, |c| c.material);
+            let [a, b, c] = match material {
+                0 => *places,
+                _ => places.map(|p| *more.entry((p, material)).or_insert_with(|| sets.add())),
+            };
+            sets.join(a, b);
+            sets.join(a, c);
+            vertices.push(a);
         }
         let mut number: HashMap<u32, usize> = HashMap::new();
         let mut out: Vec<Piece> = Vec::new();
-        for (t, [a, _, _]) in self.triangles.iter().enumerate() {
-            let k = *number.entry(sets.top(*a)).or_insert_with(|| {
+        for (t, a) in vertices.into_iter().enumerate() {
+            let k = *number.entry(sets.top(a)).or_insert_with(|| {
                 out.push(Piece::default());
                 out.len() - 1
             });

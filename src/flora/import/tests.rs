@@ -125,7 +125,7 @@ fn through_a_file(meshes: &[LeafMesh], style: Style) -> Found {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("soup.glb");
     write_soup(meshes, style, &path);
-    import(&path, None).unwrap()
+    import(&path, None).unwrap().1
 }
 
 /// A tree whose roots lie on the parent's axis, with bent axes, and with leaves among the wood.

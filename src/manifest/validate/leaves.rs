@@ -69,6 +69,10 @@ pub fn leaves(p: &Place) -> Result<()> {
                 "given without a mesh; a fit's own blade says its unit itself",
             ));
         }
+        if leaf.mesh_up.is_some() && (leaf.mesh.is_none() || leaf.part.is_some()) {
+            let what = "given without a mesh, or with a part, which stands as its plant does; expected a mesh alone";
+            return Err(p.error(HEADER, i, "mesh_up", what));
+        }
         if leaf.capture.is_some() && leaf.scan.is_some() {
             return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
         }

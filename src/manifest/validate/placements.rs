@@ -105,6 +105,7 @@ fn plants(p: &Place) -> Result<()> {
         p.finite(HEADER, i, "position_mm", &plant.position_mm)?;
         p.finite(HEADER, i, "rotation_deg", &plant.rotation_deg)?;
         p.positive(HEADER, i, "scale", plant.scale, "number")?;
+        p.positive(HEADER, i, "leaf_scale", plant.leaf_scale, "number")?;
         p.range(HEADER, i, "drag_n_s_m3", plant.drag_n_s_m3, [0.0, 1e3], "N per m/s and m²")?;
         p.range(HEADER, i, "damping", plant.damping, [0.01, 10.0], "of the critical one")?;
         p.range(HEADER, i, "wood_kg_m3", plant.wood_kg_m3, [1.0, 1e4], "kg/m³")?;

@@ -9,6 +9,12 @@ use mesophyll_placed::{Placed, leaf::Leaf, placement::Placement};
 /// A mesh that is larger or smaller than the scanned blade by this factor is assumed to be in another unit.
 const STRANGE: f64 = 50.0;
 
+/// A blade that is larger or smaller than the leaf that is drawn for it by this factor is probably no single leaf.
+const OTHER: f64 = 5.0;
+
+/// The sizes (mm) of plants' wood that are taken as they are; the tallest tree has 116 m.
+const PLANTS: std::ops::RangeInclusive<f64> = 10.0..=300_000.0;
+
 /// A sentence for each unusual property, with sizes in mm.
 ///
 /// # Errors
@@ -18,6 +24,15 @@ pub fn warnings(manifest: &Manifest, placed: &Placed) -> Result<Vec<String>> {
     for leaf in &placed.leaves {
         out.extend(another_unit(manifest, leaf)?);
         out.extend(unseen(manifest, placed, leaf));
+    }
+    out.extend(other_blades(manifest, placed));
+    for wood in &placed.wood {
+        let scale = wood.places.first().map_or(1.0, |place| place.x_axis.truncate().length());
+        let size = 2.0 * wood.mesh.bounds().1 * scale;
+        if size > 0.0 && !PLANTS.contains(&size) {
+            let what = "the lengths of its file are taken for metres, as glTF says; `scale` makes it another size";
+            out.push(format!("plant \"{}\" is {} mm across: {what}", wood.name, short(size)));
+        }
     }
     Ok(out)
 }
@@ -39,6 +54,28 @@ fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
         short(drawn),
         short(scanned)
     )))
+}
+
+/// A warning for each plant whose blades are far larger or smaller than the leaf that is drawn for them, as where a
+/// card shows a whole twig.
+fn other_blades(manifest: &Manifest, placed: &Placed) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for (plant, (leaf, across, [scale, own])) in &placed.shapes {
+        let Some(mesh) = placed.leaves.get(*leaf).and_then(|leaf| leaf.mesh.as_ref()) else { continue };
+        let drawn = 2.0 * mesh.bounds().1 * scale;
+        let start = format!("plant \"{plant}\": its blades are drawn as the leaf \"{}\"", manifest.leaves[*leaf].name);
+        if (1.0 / OTHER..=OTHER).contains(&(across / drawn)) || out.iter().any(|known| known.starts_with(&start)) {
+            continue;
+        }
+        out.push(format!(
+            "{start}, {} mm across, and are {} mm across themselves; `leaf_scale = {}` draws it as large, and a leaf's \
+             `mesh` and `part` the plant's own triangles",
+            short(drawn),
+            short(*across),
+            short(own * across / drawn)
+        ));
+    }
+    out
 }
 
 /// A warning for a placed leaf that no view shows, or that is smaller than a pixel in all views.

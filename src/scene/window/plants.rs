@@ -87,7 +87,7 @@ impl Plants {
         let free = (1..).map(|n| folder.join(format!("{name}-edit-{n}.glb"))).find(|p| !p.exists());
         let path = free.unwrap_or_else(|| folder.join(format!("{name}.glb")));
         atomic::probe_folder(folder)?;
-        mesophyll_flora::file::write(&one.plant, &path)?;
+        mesophyll_flora::file::write(&one.own(), &path)?;
         Ok(path)
     }
 }
