@@ -318,7 +318,7 @@ fn the_exposure_is_handed_over_or_named() {
     let scene = folder.path().join("s.toml");
     std::fs::write(&scene, text.join("\n")).unwrap();
     let scene = scene.display().to_string();
-    for (format, out) in [("blender", "blender"), ("gltf", "s.glb"), ("usd", "usd")] {
+    for (format, out) in [("blender", "blender"), ("gltf-translucent", "s.glb"), ("usd", "usd")] {
         let out = folder.path().join(out).display().to_string();
         succeeded(&run(["export", &scene, "--to", format, "-o", &out]));
     }
