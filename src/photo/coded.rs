@@ -222,6 +222,32 @@ mod tests {
         assert!(Steps::new(transfer, true).error(0.18) > 3.0 * steps.error(0.18));
     }
 
+    /// A PNG and a JPEG of 8 bits, and a PNG whose header says that it is coded as sRGB.
+    #[test]
+    fn eight_bits_need_a_curve_and_not_another_one_than_the_files() {
+        let dir = tempfile::tempdir().unwrap();
+        let pixels = image::RgbImage::from_fn(32, 24, |x, _| image::Rgb([8 * x as u8, 118, 40]));
+        for name in ["a.png", "a.jpg"] {
+            let path = dir.path().join(name);
+            pixels.save(&path).unwrap();
+            let refused = read(&path, Transfer::Linear).unwrap_err().to_string();
+            assert!(refused.contains(name) && refused.contains("8 bits"), "{refused}");
+            let (width, height, read, steps) = read(&path, Transfer::Srgb).unwrap();
+            assert!((width, height, read.len()) == (32, 24, 768) && steps.is_some());
+            // 118 of 255 in sRGB is a linear 18 %.
+            assert!(read.iter().all(|v| (v[1] - 0.1812).abs() < 0.02), "{name}");
+        }
+        // The chunk sRGB stands behind the header: length, name, one byte, and a sum that is not looked at here.
+        let path = dir.path().join("a.png");
+        let mut bytes = std::fs::read(&path).unwrap();
+        let chunk = [&[0, 0, 0, 1][..], b"sRGB", &[0], &[0xae, 0xce, 0x1c, 0xe9]].concat();
+        bytes.splice(33..33, chunk);
+        std::fs::write(&path, bytes).unwrap();
+        let refused = read(&path, Transfer::Linear).unwrap_err().to_string();
+        assert!(refused.contains("own colour profile") && refused.contains("sRGB"), "{refused}");
+        assert!(read(&path, Transfer::Srgb).is_ok());
+    }
+
     #[test]
     fn a_profile_says_its_curve() {
         let profile = |curve: &[u8]| {

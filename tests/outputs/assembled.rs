@@ -326,3 +326,31 @@ fn a_leaf_without_a_fit_is_named() {
     );
     assert!(!Path::new(&out).exists());
 }
+
+/// The exposure goes to Blender as stops (1/8 is −3 of them), and is named where the format has no place for it.
+#[test]
+fn the_exposure_is_handed_over_or_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join("data/scenes/front-lit.toml")).unwrap();
+    let text: Vec<String> = text
+        .lines()
+        .filter(|l| !l.starts_with("exposure"))
+        .map(|l| l.replace("../../", &format!("{}/", root.display())))
+        .map(|l| l.replace("\"../", &format!("\"{}/", root.join("data").display())))
+        .map(|l| if l == "schema = 1" { format!("{l}\nexposure = 0.125") } else { l })
+        .collect();
+    let scene = folder.path().join("s.toml");
+    std::fs::write(&scene, text.join("\n")).unwrap();
+    let scene = scene.display().to_string();
+    for (format, out) in [("blender", "blender"), ("gltf-translucent", "s.glb"), ("usd", "usd")] {
+        let out = folder.path().join(out).display().to_string();
+        succeeded(&run(["export", &scene, "--to", format, "-o", &out]));
+    }
+    let script = std::fs::read_to_string(folder.path().join("blender/scene.py")).unwrap();
+    assert!(script.contains("\\\"stops\\\":-3.0") && script.contains("view_settings.exposure"), "no exposure");
+    for loss in ["s.glb.loss.json", "usd/loss.json"] {
+        let lost = std::fs::read_to_string(folder.path().join(loss)).unwrap();
+        assert!(lost.contains("set -3.00 stops"), "{loss}: {lost}");
+    }
+}

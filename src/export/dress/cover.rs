@@ -14,7 +14,7 @@ pub(super) const REPEAT: u64 = 10497;
 const CARD: f64 = 0.98;
 
 /// A triangle is looked at along each of its sides in this many steps.
-const STEPS: usize = 6;
+const STEPS: usize = 16;
 
 /// How the former texture of a material goes on beyond its edges, across and down. It repeats where the file says
 /// nothing (glTF 2.0, §3.8.4.5).

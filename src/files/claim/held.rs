@@ -3,7 +3,11 @@
 use super::{Kind, MARK, ending};
 use serde_json::Value;
 use std::fs;
+use std::io::Read;
 use std::path::Path;
+
+/// So much of a file is looked at to tell what it is (bytes); a header of a table may be long.
+const LONGEST_HEAD: u64 = 1 << 20;
 
 /// What a folder holds, in words for a message, and whether it is of the kind that claims it.
 pub(super) struct Held {
@@ -103,4 +107,22 @@ pub(super) fn stranger(folder: &Path, endings: &[&str]) -> Option<String> {
     let list = fs::read_dir(folder).ok()?;
     let files = list.flatten().filter(|e| e.path().is_file()).map(|e| e.file_name().to_string_lossy().into_owned());
     files.filter(|n| !n.starts_with('.') && ending(Path::new(n)).is_some_and(|e| endings.contains(&e.as_str()))).min()
+}
+
+/// Whether the file `path` begins as one with one of these endings does.
+pub(super) fn is_own(path: &Path, endings: &[&str]) -> bool {
+    let mut head = Vec::new();
+    let read = fs::File::open(path).and_then(|file| file.take(LONGEST_HEAD).read_to_end(&mut head));
+    let first = head.split(|b| *b == b'\n').next().unwrap_or_default().trim_ascii_end();
+    read.is_ok()
+        && endings.iter().any(|ending| match *ending {
+            // Every answer of a batch ends in its status.
+            "csv" => first.ends_with(b",status"),
+            "json" => head.starts_with(b"{"),
+            "html" => first.to_ascii_lowercase().starts_with(b"<!doctype html"),
+            "glb" => head.starts_with(b"glTF"),
+            "exr" => head.starts_with(&[0x76, 0x2f, 0x31, 0x01]),
+            "png" => head.starts_with(b"\x89PNG"),
+            _ => false,
+        })
 }

@@ -13,7 +13,7 @@ mod tests;
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
-use held::{fit_there, holds, is_capture, marked, marks, stranger};
+use held::{fit_there, holds, is_capture, is_own, marked, marks, stranger};
 pub use lock::{Claim, Use, undo};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -280,8 +280,8 @@ pub fn finish(folder: &Path) -> Result<()> {
 }
 
 /// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes
-/// are free. A file that is there is replaced only where its ending is one of these, or where it is empty; a new one may
-/// have any ending by which no other kind of file is known.
+/// are free. A file that is there is replaced only where its ending is one of these, or where it is empty, or, under an
+/// ending that says nothing, where it begins as one of these does; a new one may have any ending that says nothing.
 ///
 /// # Errors
 /// [`Error::Usage`] (exit code 2) that names the file and what it is.
@@ -312,11 +312,12 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
         return Ok(());
     }
     // An empty file is what `mktemp` leaves; nothing is lost with it.
-    if fs::metadata(&place).is_ok_and(|m| m.is_file() && m.len() > 0) {
+    let known = ENDINGS.contains(&found.as_str());
+    if fs::metadata(&place).is_ok_and(|m| m.is_file() && m.len() > 0) && (known || !is_own(&place, endings)) {
         let found = if found.is_empty() { "a file without an ending".into() } else { format!("a .{found} file") };
         return refuse(format!("is {found}, where one ending in {expected} was expected,"));
     }
-    if ENDINGS.contains(&found.as_str()) {
+    if known {
         let what = format!("found an ending of other files, .{found}; expected {expected}");
         return Err(Error::Usage(format!("the output file {}: {what}", path.display())));
     }

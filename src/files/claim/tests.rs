@@ -20,7 +20,11 @@ fn an_output_replaces_what_its_verb_writes_and_nothing_else() {
         let sentence = file(&place(name), &["csv"], &[]).unwrap_err().to_string();
         assert!(sentence.contains(name) && sentence.contains("expected .csv"), "{sentence}");
     }
-    for name in ["own.csv", "new.csv", "new.CSV", "new.txt", "new", "empty"] {
+    // Under an ending that says nothing, what the verb wrote before is replaced.
+    fs::write(place("answers.out"), "x,y,status\n1,2,ok\n").unwrap();
+    fs::write(place("notes.out"), "x,y\n").unwrap();
+    assert!(file(&place("notes.out"), &["csv"], &[]).is_err());
+    for name in ["own.csv", "new.csv", "new.CSV", "new.txt", "new", "empty", "answers.out"] {
         assert!(file(&place(name), &["csv"], &[]).is_ok(), "{name}");
     }
 }
