@@ -144,8 +144,8 @@ fn a_scaled_node_scales_what_is_in_it() {
     }
 }
 
-/// A leaf's node may be mirrored and scaled unevenly: the blade gets that shape, and its place is a turn, a move and one
-/// size. Lengths may be in metres.
+/// A leaf's node may be mirrored and scaled unevenly: the blade gets that shape, and its place is a turn, a move and
+/// one size. Lengths may be in metres.
 #[test]
 fn mirrored_and_uneven_leaves_keep_their_triangles() {
     let folder = tempfile::tempdir().unwrap();

@@ -190,8 +190,8 @@ pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<Sampl
         }
     }
     if settings.surface == Surface::Usual {
-        // Nobody stated the lobe. Where another one describes the leaf as well, it may be that. What ρs means is a matter
-        // of the lobe, so its error stays that of this one.
+        // Nobody stated the lobe. Where another one describes the leaf as well, it may be that. What ρs means depends on
+        // the lobe, so its error stays that of this one.
         let as_well = |k: &usize| (-TIED..=FAR_BETTER).contains(&(evidence[*k] - evidence[chosen])) && *k != chosen;
         let rho_s_err = out.rho_s_err;
         (0..all.len()).filter(as_well).for_each(|k| out.hold(&all[k].1.report()));
@@ -215,8 +215,8 @@ impl SamplesFit {
         if gain > FAR_BETTER {
             let (index, error) = (found.lobe.index().unwrap_or(INDEX), found.index_err);
             let asks = format!(
-                "the readings ask for an index of refraction of {index:.3} ± {error:.3} where {INDEX} is taken; --index \
-                 fit finds it"
+                "the readings ask for an index of refraction of {index:.3} ± {error:.3} where {INDEX} is taken; \
+                 --index fit finds it"
             );
             self.misfit = Some(self.misfit.take().map_or(asks.clone(), |why| format!("{why}; {asks}")));
         } else if gain > 0.0 {
