@@ -27,8 +27,8 @@ pub struct Smooth {
 /// An instrument hangs where it repeats itself so often.
 const HANGS: usize = 8;
 /// Readings pile up at an end of the instrument's range where they do so in this many visits, and are this many times
-/// as many as in the next of so many parts of the range. A branch that is held before it is let go visits an end once, and
-/// a steady swing, read in coarse steps, has 2.4 times as many readings in its last step as in the one before.
+/// as many as in the next of so many parts of the range. A branch that is held before it is let go visits an end once,
+/// and a steady swing, read in coarse steps, has 2.4 times as many readings in its last step as in the one before.
 const VISITS: usize = 4;
 const PILED: usize = 4;
 const BINS: f64 = 200.0;

@@ -190,8 +190,8 @@ pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<Sampl
         }
     }
     if settings.surface == Surface::Usual {
-        // Nobody stated the lobe. Where another one describes the leaf as well, it may be that. What ρs means depends on
-        // the lobe, so its error stays that of this one.
+        // Nobody stated the lobe. Where another one describes the leaf as well, it may be that. What ρs means depends
+        // on the lobe, so its error stays that of this one.
         let as_well = |k: &usize| (-TIED..=FAR_BETTER).contains(&(evidence[*k] - evidence[chosen])) && *k != chosen;
         let rho_s_err = out.rho_s_err;
         (0..all.len()).filter(as_well).for_each(|k| out.hold(&all[k].1.report()));
