@@ -1,5 +1,5 @@
-//! Files that are read as a whole. What a name leads to may have no end (`/dev/zero`, a pipe that somebody fills), or be
-//! larger than the memory that there is. Both are said before memory ends.
+//! Files that are read as a whole. What a name leads to may have no end (`/dev/zero`, a pipe that somebody fills), or
+//! be larger than the memory that there is. Both are said before memory ends.
 
 use crate::atomic::explain;
 use crate::{Error, Result, memory};

@@ -101,8 +101,9 @@ pub(super) fn read(path: &Path, transfer: Transfer) -> Result<Read> {
     }
     let coarse = matches!(found, Rgb8 | Rgba8);
     if coarse && transfer == Transfer::Linear {
-        let what = "found 8 bits a channel and transfer = \"linear\"; 8 bits hold light in proportion too coarsely, and \
-                    cameras write them with a curve: expected the curve's name, such as transfer = \"srgb\", or 16 bits";
+        let what = "found 8 bits a channel and transfer = \"linear\"; 8 bits hold light in proportion too coarsely, \
+                    and cameras write them with a curve: expected the curve's name, such as transfer = \"srgb\", or \
+                    16 bits";
         return Err(Error::input(path, what));
     }
     // Numbers of 8 bits become k · 257 of 16, the same shares.

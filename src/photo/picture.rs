@@ -31,8 +31,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads an EXR file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with 8 bits and a known
-    /// curve.
+    /// Reads an EXR file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with 8 bits and a
+    /// known curve.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel and

@@ -127,8 +127,8 @@ impl Opacity {
 /// Leaves scattered over the cards: a rectangle for each, with texture coordinates over the fitted blade. `uvs` are the
 /// file's own coordinates, and `unit_m` is the length of the file's unit in the scene (m).
 ///
-/// The places are those of a low-discrepancy sequence (Roberts 2018), so that leaves lie evenly. A leaf points away from
-/// the card's long axis, and is tilted out of the card.
+/// The places are those of a low-discrepancy sequence (Roberts 2018), so that leaves lie evenly. A leaf points away
+/// from the card's long axis, and is tilted out of the card.
 ///
 /// # Errors
 /// [`Error::Input`] for a card with too many leaves.

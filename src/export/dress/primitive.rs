@@ -74,8 +74,8 @@ impl Work<'_> {
         } else if let Some(largest) = twigs.iter().map(|card| card.length() * plan.unit_m).reduce(f64::max) {
             let why = if self.options.scatter { ", but what moves them cannot move scattered leaves" } else { "" };
             self.done.warnings.push(format!(
-                "{field}: {} of {} pieces are up to {largest:.2} m long, and the fitted blade is {:.3} m: each may be a \
-                 whole twig, and shows one huge leaf; --scatter lays leaves over them{why}",
+                "{field}: {} of {} pieces are up to {largest:.2} m long, and the fitted blade is {:.3} m: each may be \
+                 a whole twig, and shows one huge leaf; --scatter lays leaves over them{why}",
                 twigs.len(),
                 found.pieces[0] + found.pieces[1],
                 coated.blade_m[0]
