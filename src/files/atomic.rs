@@ -386,22 +386,4 @@ mod tests {
         }
         assert!(unproved(dir.path(), &io::ErrorKind::PermissionDenied.into()).is_usage());
     }
-
-    #[test]
-    #[cfg(unix)]
-    fn pipes_and_devices_are_written_in_place() {
-        use std::os::unix::fs::FileTypeExt;
-        let dir = tempfile::tempdir().unwrap();
-        let pipe = dir.path().join("pipe");
-        if !std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|s| s.success()) {
-            return crate::skips::skip(crate::skips::Need::System, "no mkfifo");
-        }
-        let reader = std::thread::spawn({
-            let pipe = pipe.clone();
-            move || fs::read(pipe).unwrap()
-        });
-        write_bytes(&pipe, b"through").unwrap();
-        assert_eq!(reader.join().unwrap(), b"through");
-        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
-    }
 }

@@ -280,8 +280,8 @@ pub fn finish(folder: &Path) -> Result<()> {
 }
 
 /// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes
-/// are free. A file that is there is replaced only where its ending is one of these, or where it is empty, or, under an
-/// ending that says nothing, where it begins as one of these does; a new one may have any ending that says nothing.
+/// are free. A name with an ending by which another kind of file is known is refused, whether the file is there or not.
+/// A text, or a file without an ending, is replaced only where it is empty or begins as the verb's own files do.
 ///
 /// # Errors
 /// [`Error::Usage`] (exit code 2) that names the file and what it is.
@@ -313,7 +313,8 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
     }
     // An empty file is what `mktemp` leaves; nothing is lost with it.
     let known = ENDINGS.contains(&found.as_str());
-    if fs::metadata(&place).is_ok_and(|m| m.is_file() && m.len() > 0) && (known || !is_own(&place, endings)) {
+    let may_be_notes = matches!(found.as_str(), "" | "txt") && !is_own(&place, endings);
+    if fs::metadata(&place).is_ok_and(|m| m.is_file() && m.len() > 0) && (known || may_be_notes) {
         let found = if found.is_empty() { "a file without an ending".into() } else { format!("a .{found} file") };
         return refuse(format!("is {found}, where one ending in {expected} was expected,"));
     }

@@ -20,11 +20,10 @@ fn an_output_replaces_what_its_verb_writes_and_nothing_else() {
         let sentence = file(&place(name), &["csv"], &[]).unwrap_err().to_string();
         assert!(sentence.contains(name) && sentence.contains("expected .csv"), "{sentence}");
     }
-    // Under an ending that says nothing, what the verb wrote before is replaced.
-    fs::write(place("answers.out"), "x,y,status\n1,2,ok\n").unwrap();
-    fs::write(place("notes.out"), "x,y\n").unwrap();
-    assert!(file(&place("notes.out"), &["csv"], &[]).is_err());
-    for name in ["own.csv", "new.csv", "new.CSV", "new.txt", "new", "empty", "answers.out"] {
+    // What the verb wrote before is replaced, and so is what has an ending that says nothing.
+    fs::write(place("answers.txt"), "x,y,status\n1,2,ok\n").unwrap();
+    fs::write(place("any.out"), "x,y\n").unwrap();
+    for name in ["own.csv", "new.csv", "new.CSV", "new.txt", "new", "empty", "answers.txt", "any.out"] {
         assert!(file(&place(name), &["csv"], &[]).is_ok(), "{name}");
     }
 }
@@ -44,4 +43,22 @@ fn pipes_in_an_output_folder_do_not_hang() {
     crate::atomic::write_bytes(&rows, b"x\n").unwrap();
     assert_eq!(fs::read(&rows).unwrap(), b"x\n");
     assert!(dir.path().join(".rows.csv.partial").exists(), "somebody's pipe is removed");
+}
+
+#[test]
+#[cfg(unix)]
+fn pipes_and_devices_are_written_in_place() {
+    use std::os::unix::fs::FileTypeExt;
+    let dir = tempfile::tempdir().unwrap();
+    let pipe = dir.path().join("pipe");
+    if !std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|s| s.success()) {
+        return crate::skips::skip(crate::skips::Need::System, "no mkfifo");
+    }
+    let reader = std::thread::spawn({
+        let pipe = pipe.clone();
+        move || fs::read(pipe).unwrap()
+    });
+    crate::atomic::write_bytes(&pipe, b"through").unwrap();
+    assert_eq!(reader.join().unwrap(), b"through");
+    assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
 }
