@@ -26,10 +26,10 @@ fn scene(folder: &Path, light: &str, tilt_deg: f64) -> PathBuf {
     };
     let text = format!(
         "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nmesh = \"leaf.glb\"\nuniform = {{ rho_d = [[0.3, 0.4, \
-         0.2], [0.3, 0.4, 0.2]], rho_t = [0.2, 0.3, 0.1] }}\n[[instance]]\nleaf = \"elm\"\nrotation_deg = \
-         [{tilt_deg}, 0, 0]\n{light}\n{}fov_deg = 12\n{}fov_deg = 12\n[[view]]\nname = \"leaf\"\nkind = \
-         \"perspective\"\neye_mm = [0, 0, 400]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = \
-         2\n[check]\nwidth = 24\nheight = 24\n",
+         0.2], [0.3, 0.4, 0.2]], rho_t = [0.2, 0.3, 0.1] }}\n[[instance]]\nleaf = \"elm\"\n\
+         rotation_deg = [{tilt_deg}, 0, 0]\n{light}\n{}fov_deg = 12\n{}fov_deg = 12\n\
+         [[view]]\nname = \"leaf\"\nkind = \"perspective\"\neye_mm = [0, 0, 400]\ntarget_mm = [0, 0, 0]\n\
+         up = [0, 1, 0]\nfov_deg = 2\n[check]\nwidth = 24\nheight = 24\n",
         view(70.0),
         view(110.0)
     );
