@@ -101,12 +101,14 @@ fn notes_and_scripts_are_not_replaced() {
 /// `stress`, `bench` and `report` look seldom for a stop, and end at once all the same.
 #[test]
 fn a_stop_ends_long_tables_within_a_second() {
-    for words in [&["stress", "slab"][..], &["bench", "slab"], &["stress"]] {
+    for words in [["stress"], ["bench"]] {
         let mut child = mesophyll().args(words).stdout(std::process::Stdio::null()).spawn().unwrap();
-        std::thread::sleep(std::time::Duration::from_millis(700));
-        if child.try_wait().unwrap().is_some() {
-            continue;
+        // The thread that waits for Ctrl-C is the second one, and the workers come after it.
+        let threads = || fs::read_dir(format!("/proc/{}/task", child.id())).map_or(3, |list| list.count());
+        while threads() < 3 {
+            std::thread::sleep(std::time::Duration::from_millis(5));
         }
+        std::thread::sleep(std::time::Duration::from_millis(300));
         let clock = std::time::Instant::now();
         assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
         let status = child.wait().unwrap();
