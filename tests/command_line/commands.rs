@@ -254,7 +254,7 @@ fn the_commands_of_the_photo_page_run() {
 
 #[test]
 fn the_commands_of_the_plants_page_run() {
-    assert_eq!(run_page("docs/plants.md", false), [10, 0]);
+    assert_eq!(run_page("docs/plants.md", false), [11, 0]);
 }
 
 /// Every page with commands is tested, and every command that is left out stands on a page.

@@ -236,7 +236,7 @@ fn bad_pictures_are_refused() {
     assert!(!dir.path().join("fit").exists());
 }
 
-/// 16-bit PNG and TIFF files hold the same light as EXR files, linear or by the sRGB curve; 8 bits are refused.
+/// 16-bit PNG and TIFF files hold the same light as EXR files, linear or by the sRGB curve. 8 bits need a curve.
 #[test]
 fn developed_pictures_are_read() {
     let dir = tempfile::tempdir().unwrap();
@@ -258,6 +258,9 @@ fn developed_pictures_are_read() {
     }
     let path = dir.path().join("d.png");
     image::ImageBuffer::from_fn(32, 24, |_, _| image::Rgb([9u8; 3])).save(&path).unwrap();
+    let coarse = Picture::read(&path, &manifest).unwrap();
+    assert!(coarse.steps.is_some() && (coarse.pixels[0][0] - 9.0 / 255.0 / 12.92).abs() < 1e-6);
+    manifest.transfer = toml_transfer(false);
     let said = Picture::read(&path, &manifest).unwrap_err().to_string();
     assert!(said.contains("d.png") && said.contains("16 bits"), "{said}");
     let mut maps = Maps::new(32, 24);

@@ -72,10 +72,12 @@ pub fn rows() -> Vec<StressRow> {
     rows.push(narrow());
     rows.push(many());
     rows.push(no_such_leaf());
+    rows.extend(super::faults::rows());
     rows
 }
 
-fn row(name: &str, expected: &str, verdict: String, off: Option<f64>, clock: Instant) -> StressRow {
+/// A row of the table.
+pub(super) fn row(name: &str, expected: &str, verdict: String, off: Option<f64>, clock: Instant) -> StressRow {
     StressRow {
         model: "foliar".into(),
         case: name.into(),

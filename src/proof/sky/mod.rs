@@ -1,5 +1,6 @@
 //! Sky polynomials: error against size and time.
 
 pub mod bench;
+mod faults;
 pub mod figures;
 pub mod stress;

@@ -119,6 +119,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
     let fitted = fit(&wide)?;
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     rows.push(of_fit("fine, f32, fitted over turbidity 1.7 to 10", "ok", &fitted, true, &everywhere, 1e-2, ms));
+    rows.extend(super::faults::rows());
     Ok(rows)
 }
 

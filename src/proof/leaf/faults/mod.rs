@@ -1,6 +1,7 @@
 //! Faults of a measurement, each put into the files of a clean synthetic scan, with the name that the fit must give it.
 //! A verdict is `noticed: NAME: SENTENCE`, `refused: …`, or `ok` where nothing was noticed.
 
+mod others;
 mod put;
 
 use crate::stress::StressRow;
@@ -196,38 +197,12 @@ pub fn rows(word: &str) -> Result<Vec<StressRow>> {
         let capture = folder.path().join(format!("scan-{n}"));
         copy(&from, &capture)?;
         (fault.put)(&capture)?;
-        let clock = Instant::now();
-        let outcome = leaf::run(&capture, &folder.path().join(format!("fit-{n}")), &Options::default());
-        let ms = clock.elapsed().as_secs_f64() * 1e3;
-        let verdict = match outcome {
-            Ok(Outcome::Done(_) | Outcome::UpToDate(_)) if contradicts(&folder.path().join(format!("fit-{n}")))? => {
-                "wrong: the fit contradicts itself".into()
-            }
-            Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => match record.faults.as_slice() {
-                [] => "ok".to_string(),
-                [first, more @ ..] => {
-                    let more: Vec<&str> = more.iter().map(|f| f.name.as_str()).collect();
-                    let also = if more.is_empty() { String::new() } else { format!(" (also {})", more.join(", ")) };
-                    format!("noticed: {}: {}{also}", first.name, first.says)
-                }
-            },
-            Ok(Outcome::ShardDone { .. }) => "wrong: a shard of one is not the whole".to_string(),
-            Err(e) => {
-                let said = e.to_string();
-                format!("refused: {}", said.replace(&format!("{}/", capture.display()), ""))
-            }
-        };
+        let fit = folder.path().join(format!("fit-{n}"));
+        let run = |capture: &Path, fit: &Path| leaf::run(capture, fit, &Options::default());
+        out.push(judged(&format!("fault: {}", fault.name), fault.expected, [&capture, &fit], run)?);
         std::fs::remove_dir_all(&capture).map_err(|e| Error::write(&capture, e))?;
-        out.push(StressRow {
-            model: "leaf".into(),
-            case: format!("fault: {}", fault.name),
-            expected: fault.expected.into(),
-            verdict,
-            digits: None,
-            condition: None,
-            ms,
-        });
     }
+    out.extend(others::rows(word)?);
     Ok(out)
 }
 
@@ -236,6 +211,43 @@ fn contradicts(fit: &Path) -> Result<bool> {
     let found = mesophyll_fit::consistency::of(fit)?;
     found.contradictions.iter().for_each(mesophyll_files::progress::say);
     Ok(!found.contradictions.is_empty())
+}
+
+/// Fits a capture, and says what its fit names.
+fn judged(
+    case: &str,
+    expected: &str,
+    [capture, fit]: [&Path; 2],
+    run: impl Fn(&Path, &Path) -> Result<Outcome>,
+) -> Result<StressRow> {
+    let clock = Instant::now();
+    let outcome = run(capture, fit);
+    let ms = clock.elapsed().as_secs_f64() * 1e3;
+    let verdict = match outcome {
+        Ok(Outcome::Done(_) | Outcome::UpToDate(_)) if contradicts(fit)? => "wrong: the fit contradicts itself".into(),
+        Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => match record.faults.as_slice() {
+            [] => "ok".to_string(),
+            [first, more @ ..] => {
+                let more: Vec<&str> = more.iter().map(|f| f.name.as_str()).collect();
+                let also = if more.is_empty() { String::new() } else { format!(" (also {})", more.join(", ")) };
+                format!("noticed: {}: {}{also}", first.name, first.says)
+            }
+        },
+        Ok(Outcome::ShardDone { .. }) => "wrong: a shard of one is not the whole".to_string(),
+        Err(e) => {
+            let said = e.to_string();
+            format!("refused: {}", said.replace(&format!("{}/", capture.display()), ""))
+        }
+    };
+    Ok(StressRow {
+        model: "leaf".into(),
+        case: case.into(),
+        expected: expected.into(),
+        verdict,
+        digits: None,
+        condition: None,
+        ms,
+    })
 }
 
 fn synthesise(fault: &Fault, path: &Path) -> Result<()> {
