@@ -1,5 +1,5 @@
-//! Faults of a leaf under a dome, and of photographs without a laboratory: those that what comes through, the energy and
-//! the thickness tell.
+//! Faults of a leaf under a dome, and of photographs without a laboratory: those that what comes through, the energy
+//! and the thickness tell.
 
 use super::put::{change, flip, scale, shift};
 use super::{LEAF, copy, judged};
