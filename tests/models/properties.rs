@@ -84,7 +84,8 @@ proptest! {
         }
     }
 
-    /// Any number and any text of a table passes through a batch unchanged.
+    /// Any number and any text of a table passes through a batch unchanged, but for what a spreadsheet would run: that
+    /// gets an apostrophe, once.
     #[test]
     fn tables_read_back_exactly(rows in prop::collection::vec((any::<f64>(), "[ -~äσ\"]{0,12}"), 1..20)) {
         let rows: Vec<(f64, String)> = rows.into_iter().filter(|(x, _)| !x.is_nan()).map(|(x, note)| (x,
@@ -106,7 +107,9 @@ proptest! {
             r[0].to_string())).collect();
         prop_assert_eq!(found.len(), rows.len());
         for (a, b) in found.iter().zip(&rows) {
-            prop_assert!(a.0.to_bits() == b.0.to_bits() && a.1 == b.1, "{a:?} {b:?}");
+            let marked = a.1 == format!("'{}", b.1) && b.1.starts_with(['=', '+', '-', '@']);
+            let same = a.1 == b.1 && !b.1.starts_with(['=', '@']);
+            prop_assert!(a.0.to_bits() == b.0.to_bits() && (marked || same), "{a:?} {b:?}");
         }
     }
 

@@ -6,6 +6,7 @@ use crate::leaf::sides::{APART, APART_IN_ERRORS, SECTION};
 use crate::leaf::undetermined;
 use crate::leaf::wide::{self, Settings, Texel};
 use mesophyll_files::quantity::{Quantity, RGB};
+use mesophyll_record::fault::Grade;
 use mesophyll_record::{FitRecord, RECORD, Section};
 use std::path::Path;
 
@@ -16,6 +17,10 @@ const STAND_INS: f64 = 0.05;
 
 /// Solves the leaf-wide problem again, from the maps, and compares σa, σs and their errors with those of `fit.toml`.
 pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
+    // Where a fault of the measurement spoils σ, it is undetermined, and texels' errors hold more than noise.
+    if seen.record.faults.iter().any(|f| f.grade == Grade::Wrong) {
+        return;
+    }
     let straight = matches!(seen.setup, Setup::Tube { straight: true });
     if !straight || !seen.settled() || !(0..3).all(|c| seen.as_told(c)) || seen.good.len() < 100 {
         return;

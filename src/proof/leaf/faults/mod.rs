@@ -236,7 +236,8 @@ fn judged(
         Ok(Outcome::ShardDone { .. }) => "wrong: a shard of one is not the whole".to_string(),
         Err(e) => {
             let said = e.to_string();
-            format!("refused: {}", said.replace(&format!("{}/", capture.display()), ""))
+            let said = said.replace(&format!("{}/", capture.display()), "");
+            format!("refused: {}", said.replace(&capture.display().to_string(), "the capture"))
         }
     };
     Ok(StressRow {
