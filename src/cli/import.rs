@@ -2,6 +2,7 @@
 
 use crate::named::named;
 use crate::{Common, Result};
+use mesophyll_files::table::counted;
 use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_flora::file::write;
@@ -42,7 +43,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let (plant, made) = plant::plant(&soup, &found, &name);
         write(&plant, &args.out)?;
         summary["blades"] = plant.blades.len().into();
-        notes.push(format!("{} leaves are instances of {} shapes", plant.leaves.len(), plant.blades.len()));
+        let [leaves, shapes] = [counted(plant.leaves.len(), "leaf"), counted(plant.blades.len(), "shape")];
+        notes.push(format!("{leaves} as instances of {shapes}"));
         for (count, what) in [
             (made.near_branches, "branches that are not attached hang on the nearest one"),
             (made.near_leaves, "leaves that are on no branch hang on the nearest one"),
@@ -74,13 +76,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let above = found.branches.iter().filter(|b| b.level.is_none()).count() as u64 - count("unattached");
     let on_these = if above > 0 { format!(", {above} more on these") } else { String::new() };
     progress::say(format!(
-        "{}: {} branches ({} not attached{on_these}), {} leaves ({} on branches), {} other pieces",
+        "{}: {} ({} not attached{on_these}), {} ({} on branches), {}",
         args.out.display(),
-        found.branches.len(),
+        counted(found.branches.len(), "branch"),
         count("unattached"),
-        found.leaves.len(),
+        counted(found.leaves.len(), "leaf"),
         count("leaves_on_branches"),
-        found.others.len()
+        counted(found.others.len(), "other piece")
     ));
     notes.into_iter().for_each(progress::say);
     warnings.into_iter().for_each(|warning| progress::say(format!("warning: {warning}")));

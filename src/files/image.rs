@@ -144,6 +144,23 @@ const MOST_COMPRESSED: u64 = 1100;
 /// [`ASK_FOR_MEMORY`] bytes of them, but for more only in proportion to its own size.
 const MOST_ALIKE: u64 = 100;
 
+/// Refuses a picture that would take far more memory than its file of `length` bytes; every sample is kept as a float.
+///
+/// # Errors
+/// [`Error::Input`].
+pub(crate) fn in_proportion(path: &Path, [w, h]: [usize; 2], channels: usize, length: u64) -> Result<()> {
+    let whole = [w, h, 4 * channels].iter().fold(1u64, |product, n| product.saturating_mul(*n as u64));
+    if whole <= ASK_FOR_MEMORY.max(length.saturating_mul(MOST_ALIKE)) {
+        return Ok(());
+    }
+    let what = format!(
+        "{w}x{h} pixels in a file of {length} bytes: nearly all of them are alike, and they would take {} MiB of \
+         memory; expected at most {MOST_ALIKE} times the file, or a smaller picture",
+        whole >> 20
+    );
+    Err(Error::input(path, what))
+}
+
 /// Reads every channel of an EXR file; half and integer samples become float.
 pub fn read_exr(path: &Path) -> Result<Maps> {
     read_exr_rows(path, None, None)
@@ -175,17 +192,7 @@ pub fn read_exr_part(path: &Path, part: usize, names: Option<&[&str]>, rows: Opt
             let what = format!("the header states {w}x{h} pixels; a file of {length} bytes cannot hold as many");
             return Err(Error::input(path, what));
         }
-        // Every sample is kept as a float.
-        let whole = stated.saturating_mul(4 * info.channels.len() as u64);
-        if whole > ASK_FOR_MEMORY.max(length.saturating_mul(MOST_ALIKE)) {
-            let [w, h, alike] = [info.width as u64, info.height as u64, MOST_ALIKE];
-            let what = format!(
-                "{w}x{h} pixels in a file of {length} bytes: nearly all of them are alike, and they would take {} MiB \
-                 of memory; expected at most {alike} times the file, or a smaller picture",
-                whole >> 20
-            );
-            return Err(Error::input(path, what));
-        }
+        in_proportion(path, [info.width, info.height], info.channels.len(), length)?;
         let rows = rows.unwrap_or(0..info.height);
         if rows.end > info.height {
             return Err(Error::input(path, format!("rows up to {} wanted, the image has {}", rows.end, info.height)));

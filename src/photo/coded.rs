@@ -143,7 +143,8 @@ fn curve_of_profile(profile: &[u8]) -> Option<Stated> {
     match profile.get(at..at + 4)? {
         b"para" => fixed(at + 12),
         b"curv" => match word(at + 8)? {
-            0 => Some(1.0),
+            // Two numbers are the ends of a line.
+            0 | 2 => Some(1.0),
             1 => Some(f64::from(u16::from_be_bytes(profile.get(at + 12..at + 14)?.try_into().ok()?)) / 256.0),
             // The number in the middle: a half to the power of the exponent.
             many => {
@@ -268,7 +269,7 @@ mod tests {
         };
         let table: Vec<u16> =
             (0..1024).map(|k| (65535.0 * Transfer::Srgb.light(f64::from(k) / 1023.0)).round() as u16).collect();
-        for (curve, want) in [(curv(&[]), 1.0), (curv(&[563]), 2.2), (curv(&table), 2.22)] {
+        for (curve, want) in [(curv(&[]), 1.0), (curv(&[0, 65535]), 1.0), (curv(&[563]), 2.2), (curv(&table), 2.22)] {
             let found = curve_of_profile(&profile(&curve)).unwrap();
             assert!((found - want).abs() < 0.1, "{found} {want}");
         }

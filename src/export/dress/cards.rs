@@ -5,11 +5,10 @@ use super::Coated;
 use super::cover::folded;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
-use mesophyll_files::gltf_file::Surface;
+use mesophyll_files::gltf_file::{Mask, Surface};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::import::flat::Flat;
-use serde_json::Value;
-use std::collections::HashMap;
+use mesophyll_flora::import::soup::Piece;
 use std::path::Path;
 
 /// A piece more than this many times as long as the fitted blade shows no single leaf.
@@ -23,6 +22,9 @@ const MOST: f64 = 20_000.0;
 
 /// A leaf stands off the card's long axis by this angle, and by half of it more or less (degrees).
 const SPREAD_DEG: f64 = 50.0;
+
+/// What the former picture cut out, and how it goes on beyond its edges along u and v.
+pub(super) type Cut = (Mask, [u64; 2]);
 
 /// A flat piece: the place of its base's corner, its edges along and across, and its triangles.
 #[derive(Debug, Clone)]
@@ -41,32 +43,8 @@ impl Card {
 
 /// The flat pieces of a mesh with their axes.
 pub(super) fn cards(surface: &Surface, found: &Flat) -> Vec<Card> {
-    // Triangles that share a place belong to one piece.
-    let mut owner: HashMap<[u64; 3], usize> = HashMap::new();
-    let mut root: Vec<usize> = (0..surface.indices.len() / 3).collect();
-    fn top(root: &mut [usize], mut k: usize) -> usize {
-        while root[k] != k {
-            root[k] = root[root[k]];
-            k = root[k];
-        }
-        k
-    }
-    for (t, corners) in surface.indices.chunks_exact(3).enumerate() {
-        for k in corners {
-            let place = surface.positions[*k as usize].to_array().map(|v| (v + 0.0).to_bits());
-            let other = *owner.entry(place).or_insert(t);
-            let (a, b) = (top(&mut root, t), top(&mut root, other));
-            root[a.max(b)] = a.min(b);
-        }
-    }
-    let mut pieces: HashMap<usize, Vec<usize>> = HashMap::new();
-    for t in (0..root.len()).filter(|t| found.triangles[*t]) {
-        pieces.entry(top(&mut root, t)).or_default().push(t);
-    }
-    let mut pieces: Vec<Vec<usize>> = pieces.into_values().collect();
-    // The order of a map changes from run to run.
-    pieces.sort_unstable();
-    pieces.into_iter().filter_map(|triangles| framed(surface, found, triangles)).collect()
+    let triangles = |piece: &Piece| piece.triangles.iter().map(|t| *t as usize).collect();
+    found.flat.iter().filter_map(|piece| framed(surface, found, triangles(piece))).collect()
 }
 
 /// The axes of a piece, by its largest triangle.
@@ -88,42 +66,6 @@ fn framed(surface: &Surface, found: &Flat, triangles: Vec<usize>) -> Option<Card
     Some(Card { corner: a - along * base.x - across * base.y, edges: [along, across], triangles })
 }
 
-/// The opacity of a picture, by which a card is cut out.
-#[derive(Debug, Clone)]
-pub(super) struct Opacity {
-    size: [usize; 2],
-    on: Vec<bool>,
-    wrap: [u64; 2],
-}
-
-impl Opacity {
-    /// The opacity of the PNG that a material's colour is read from; `None` where it has none, or another kind of
-    /// picture.
-    pub fn of(root: &Value, bin: &[u8], colour: &Value, cutoff: f64) -> Option<Opacity> {
-        let at = |list: &str, k: &Value| root[list].get(k.as_u64()? as usize).cloned();
-        let image = at("images", &at("textures", &colour["index"])?["source"])?;
-        let view = at("bufferViews", &image["bufferView"])?;
-        let from = view["byteOffset"].as_u64().unwrap_or(0) as usize;
-        let bytes = bin.get(from..from.checked_add(view["byteLength"].as_u64()? as usize)?)?;
-        let picture = image::load_from_memory_with_format(bytes, image::ImageFormat::Png).ok()?;
-        if !picture.color().has_alpha() {
-            return None;
-        }
-        let picture = picture.into_rgba8();
-        let on: Vec<bool> = picture.pixels().map(|p| f64::from(p.0[3]) / 255.0 >= cutoff).collect();
-        let size = [picture.width() as usize, picture.height() as usize];
-        Some(Opacity { size, on, wrap: super::cover::wrap(root, colour) })
-    }
-
-    fn is_on(&self, uv: [f64; 2]) -> bool {
-        let [x, y] = [0, 1].map(|k| {
-            let size = self.size[k] as f64;
-            (folded(uv[k], self.wrap[k]) * size).clamp(0.0, size - 1.0) as usize
-        });
-        self.on[y * self.size[0] + x]
-    }
-}
-
 /// Leaves scattered over the cards: a rectangle for each, with texture coordinates over the fitted blade. `uvs` are the
 /// file's own coordinates, and `unit_m` is the length of the file's unit in the scene (m).
 ///
@@ -139,7 +81,7 @@ pub(super) fn scatter(
     found: &Flat,
     cards: &[Card],
     coated: &Coated,
-    picture: Option<(&Opacity, &[[f32; 2]])>,
+    picture: Option<(&Cut, &[[f32; 2]])>,
     unit_m: f64,
 ) -> Result<LeafMesh> {
     let [length, width] = coated.blade_m.map(|v| v / unit_m);
@@ -155,9 +97,10 @@ pub(super) fn scatter(
             else {
                 return false;
             };
-            picture.is_none_or(|(opacity, uvs)| {
+            picture.is_none_or(|((mask, wrap), uvs)| {
                 let corner = |k: usize| uvs[surface.indices[3 * t + k] as usize].map(f64::from);
-                opacity.is_on([0, 1].map(|c| (0..3).map(|k| weights[k] * corner(k)[c]).sum()))
+                let at = [0, 1].map(|c| folded((0..3).map(|k| weights[k] * corner(k)[c]).sum(), wrap[c]));
+                mask.at(at) >= 0.0
             })
         };
         let places: Vec<[f64; 2]> = (1..=4096).map(place).collect();

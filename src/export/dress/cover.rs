@@ -47,7 +47,7 @@ pub(super) fn are_cards(surface: &Surface, found: &Flat) -> bool {
         .filter(|(_, flat)| **flat)
         .map(|(t, _)| plane_area([0, 1, 2].map(|k| found.places[t[k] as usize])))
         .sum();
-    found.pieces[0] > 0 && area >= CARD * found.pieces[0] as f64
+    !found.flat.is_empty() && area >= CARD * found.flat.len() as f64
 }
 
 /// The area of a triangle in a plane.

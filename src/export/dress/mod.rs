@@ -89,7 +89,7 @@ pub fn dress(path: &Path, leaves: &[Leaf], options: Options, out: &Path) -> Resu
         let wanted = Wanted::of(path, &opened, leaves)?;
         let (mut root, bin) = gltf_file::whole(path, &opened)?;
         let mut done = Dressed::default();
-        let plans = plan::plans(path, &opened, &root, &bin, &wanted, options, &mut done.undressed);
+        let plans = plan::plans(path, &opened, &root, &wanted, options, &mut done.undressed);
         let mut file = Glb::onto(&mut root, bin);
         let sheets = sheets(&plans, leaves)?;
         let coats: Vec<Coat> = sheets.iter().map(|s| Coat::new(&s.sheet, Target::GltfTranslucent)).collect();

@@ -1,11 +1,11 @@
 //! What is done with each primitive that gets a fit, before anything is written.
 
-use super::cards::Opacity;
+use super::cards::Cut;
 use super::cover::{CLAMP, are_cards, inside, wrap};
 use super::wanted::Wanted;
 use super::{Key, Leaf, Options, colour, texture_set};
 use crate::Error;
-use mesophyll_files::gltf_file::{self, Opened, Surface};
+use mesophyll_files::gltf_file::{self, Mask, Opened, Surface};
 use mesophyll_flora::import::flat::{Flat, flat};
 use serde_json::Value;
 use std::path::Path;
@@ -22,7 +22,7 @@ pub(super) struct Plan {
     /// The file's own texture coordinates and their accessor.
     pub own: Option<(usize, Vec<[f32; 2]>)>,
     /// What the former picture cut out.
-    pub opacity: Option<Opacity>,
+    pub cut: Option<Cut>,
     /// Length of the file's unit where its node is (m): the largest of the nodes that show it.
     pub unit_m: f64,
 }
@@ -40,7 +40,6 @@ pub(super) fn plans(
     path: &Path,
     opened: &Opened,
     root: &Value,
-    bin: &[u8],
     wanted: &Wanted,
     options: Options,
     undressed: &mut Vec<String>,
@@ -73,12 +72,13 @@ pub(super) fn plans(
             let kept = own.as_ref().filter(|_| !options.make_uv);
             let cut = matches!(former["alphaMode"].as_str(), Some("MASK" | "BLEND"));
             let masked = cut || options.scatter || are_cards(&surface, &found);
+            let own_wrap = wrap(root, colour(former));
+            let mask = material.filter(|_| options.scatter).and_then(|m| Mask::of(path, opened, m));
+            let cut = mask.map(|mask| (mask, own_wrap));
             // Pictures that end where the coordinates do need not go on.
-            let wrap = if kept.is_none_or(|(_, uvs)| inside(uvs)) { [CLAMP; 2] } else { wrap(root, colour(former)) };
-            let cutoff = former["alphaCutoff"].as_f64().unwrap_or(0.5);
-            let opacity = if cut && options.scatter { Opacity::of(root, bin, colour(former), cutoff) } else { None };
+            let wrap = if kept.is_none_or(|(_, uvs)| inside(uvs)) { [CLAMP; 2] } else { own_wrap };
             let unit_m = sizes[mesh.index()] * opened.unit.mm() / 1000.0;
-            plans.push(Plan { at, key: Key { leaf, masked, wrap }, surface, found, own, opacity, unit_m });
+            plans.push(Plan { at, key: Key { leaf, masked, wrap }, surface, found, own, cut, unit_m });
         }
     }
     plans

@@ -67,7 +67,7 @@ impl Work<'_> {
             .collect();
         let bent = own["targets"].is_array() || own["attributes"]["JOINTS_0"].is_u64();
         if self.options.scatter && !twigs.is_empty() && !bent {
-            let picture = plan.opacity.as_ref().zip(plan.own.as_ref().map(|(_, uvs)| uvs.as_slice()));
+            let picture = plan.cut.as_ref().zip(plan.own.as_ref().map(|(_, uvs)| uvs.as_slice()));
             let leaves = cards::scatter(self.path, &field, surface, found, &twigs, coated, picture, plan.unit_m)?;
             twigs.iter().flat_map(|card| &card.triangles).for_each(|t| fate[*t] = Fate::Gone);
             out.extend(self.scattered(&leaves, coated));
@@ -77,7 +77,7 @@ impl Work<'_> {
                 "{field}: {} of {} pieces are up to {largest:.2} m long, and the fitted blade is {:.3} m: each may be \
                  a whole twig, and shows one huge leaf; --scatter lays leaves over them{why}",
                 twigs.len(),
-                found.pieces[0] + found.pieces[1],
+                found.flat.len() + found.others,
                 coated.blade_m[0]
             ));
         }
@@ -92,12 +92,12 @@ impl Work<'_> {
             front["attributes"]["TEXCOORD_0"] = json!(accessor);
             uvs.clone()
         } else {
-            if found.pieces[0] == 0 {
-                return Ok(Err(format!("found no texture coordinates and no flat piece among {}", found.pieces[1])));
+            if found.flat.is_empty() {
+                return Ok(Err(format!("found no texture coordinates and no flat piece among {}", found.others)));
             }
-            if found.pieces[1] > 0 {
-                let [flat, others] = found.pieces;
-                let what = format!("{field}: {others} of {} pieces are not flat and stay as they are", flat + others);
+            if found.others > 0 {
+                let all = found.flat.len() + found.others;
+                let what = format!("{field}: {} of {all} pieces are not flat and stay as they are", found.others);
                 self.done.undressed.push(what);
             }
             let uvs = self.make_coordinates(&mut front, found, coated);

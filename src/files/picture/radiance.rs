@@ -2,7 +2,7 @@
 
 use super::Linear;
 use super::primaries::Primaries;
-use crate::image::Maps;
+use crate::image::{Maps, in_proportion};
 use crate::{Error, Result, atomic, guard, memory};
 use image::ImageDecoder;
 use image::codecs::hdr::{HdrDecoder, HdrMetadata};
@@ -36,10 +36,12 @@ pub fn read(path: &Path, fits: impl FnOnce(usize, usize) -> Result<()>) -> Resul
     };
     header(path)?;
     let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let length = file.metadata().map_err(|e| Error::input(path, atomic::explain(&e)))?.len();
     let decoder = HdrDecoder::new_nonstrict(BufReader::with_capacity(1 << 17, file)).map_err(broken)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
     fits(width, height)?;
+    in_proportion(path, [width, height], 3, length)?;
     memory::require(24 * (width * height) as u64, &format!("{}: {width}x{height} pixels", path.display()))?;
     let meta = decoder.metadata();
     let mut bytes = vec![0; 12 * width * height];

@@ -9,7 +9,7 @@
 mod cell;
 mod dialect;
 #[cfg(test)]
-mod forms;
+mod forms_tests;
 mod groups;
 mod json;
 mod left;

@@ -14,8 +14,10 @@ pub struct Flat {
     /// For each vertex of a flat piece: its place along the piece, 0 at the base and 1 at the tip, and across it, from
     /// 0 on the right to 1 on the left of who looks at the front with the tip up. 0 for other vertices.
     pub places: Vec<[f64; 2]>,
-    /// Number of flat pieces, and of others.
-    pub pieces: [usize; 2],
+    /// The flat pieces.
+    pub flat: Vec<Piece>,
+    /// Number of pieces that are not flat.
+    pub others: usize,
 }
 
 /// Finds the flat pieces of a mesh, as [`leaf::of`] does, and lays axes through each.
@@ -42,21 +44,21 @@ pub fn flat(surface: &Surface) -> Flat {
     let mut out = Flat {
         triangles: vec![false; soup.triangles.len()],
         places: vec![[0.0; 2]; surface.positions.len()],
-        pieces: [0; 2],
+        ..Flat::default()
     };
     let mut placed = vec![[0.0; 2]; soup.places.len()];
     for piece in soup.pieces() {
         let Some(axes) = Axes::of(&soup, &piece) else {
-            out.pieces[1] += 1;
+            out.others += 1;
             continue;
         };
-        out.pieces[0] += 1;
         for t in &piece.triangles {
             out.triangles[*t as usize] = true;
             for k in soup.triangles[*t as usize] {
                 placed[k as usize] = axes.place(soup.places[k as usize]);
             }
         }
+        out.flat.push(piece);
     }
     for (place, k) in out.places.iter_mut().zip(&index) {
         *place = placed[*k as usize];
@@ -124,7 +126,7 @@ mod tests {
         ];
         indices.extend(box_of.map(|k| first + k));
         let found = flat(&Surface { positions, indices });
-        assert_eq!(found.pieces, [1, 1]);
+        assert_eq!((found.flat.len(), found.others), (1, 1));
         assert_eq!(found.triangles, [vec![true; 2], vec![false; 12]].concat());
         let want = [[0.0, 0.5], [0.75, 0.0], [1.0, 0.5], [0.75, 1.0], [0.0, 0.5], [1.0, 0.5]];
         for (got, want) in found.places.iter().zip(want) {

@@ -9,7 +9,7 @@ mod arms;
 pub mod attach;
 pub mod axis;
 #[cfg(test)]
-mod elsewhere;
+mod elsewhere_tests;
 pub mod flat;
 pub mod leaf;
 mod outline;

@@ -42,7 +42,7 @@ pub struct Corners {
 }
 
 /// A set of connected triangles of one material.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Piece {
     /// Indices of triangles.
     pub triangles: Vec<u32>,
