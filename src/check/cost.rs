@@ -12,6 +12,11 @@ use mesophyll_viewer as gpu;
 pub fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> Result<ViewReport> {
     let (w, h) = (manifest.check.width, manifest.check.height);
     let timing = renderer.time(&handover::camera(view), w, h, manifest.check.frames as usize).map_err(told)?;
+    Ok(of(view, &timing, renderer))
+}
+
+/// A view's report with these times.
+pub fn of(view: &View, timing: &gpu::Timing, renderer: &gpu::Renderer) -> ViewReport {
     let mut out = ViewReport {
         name: view.name.clone(),
         frame_ms_median: timing.quantile(0.5).unwrap_or(0.0),
@@ -29,7 +34,7 @@ pub fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> 
     {
         out.why.push(format!("a frame takes {:.2} ms (median), at most {limit:.2} ms allowed", out.frame_ms_median));
     }
-    Ok(out)
+    out
 }
 
 /// Draws the first view with and without the translucency maps, by turns, and gives the maps back.

@@ -14,6 +14,7 @@ pub mod consistency;
 mod cost;
 pub mod day;
 pub mod far;
+mod frames;
 pub mod golden;
 pub mod interiors;
 pub mod kept;
@@ -30,7 +31,7 @@ pub mod trees;
 mod verify;
 
 pub use capture::CaptureReport;
-pub use report::{Report, Term, ViewReport};
+pub use report::{Report, Scope, Term, ViewReport};
 pub use smooth::Smooth;
 pub use verify::verify;
 
@@ -44,6 +45,7 @@ use mesophyll_scene::loaded::Scene;
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use std::path::PathBuf;
+use std::time::Instant;
 
 /// The options of a check, besides the scene.
 #[derive(Debug, Clone, Default)]
@@ -54,6 +56,10 @@ pub struct Options {
     pub update_golden: bool,
     /// Only draw every view small, for its golden picture: no reference, no frame times.
     pub goldens_only: bool,
+    /// Only time so many frames of every perspective view: no reference, no goldens.
+    pub frames: Option<usize>,
+    /// When the program began, for the time until the first frame.
+    pub begun: Option<Instant>,
 }
 
 /// One setting of a sweep that draws, with the error of its picture (NaN where there is none) and the time of a frame.
@@ -123,9 +129,12 @@ pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report
         translucency: None,
         film: None,
         day: Vec::new(),
+        first_frame_s: None,
     };
     progress::say(format!("drawn by {}", report.adapter));
-    if options.goldens_only {
+    if let Some(count) = options.frames {
+        frames::all(scene, &mut renderer, count, options.begun, ledger, &mut report)?;
+    } else if options.goldens_only {
         proof::all(scene, &mut renderer, options, ledger, &mut report)?;
     } else {
         against_reference(scene, &mut renderer, options, ledger, &mut report)?;

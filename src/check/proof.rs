@@ -1,6 +1,6 @@
 //! Every view, drawn small and compared with its golden picture, or written as one.
 
-use crate::report::ViewReport;
+use crate::report::{Scope, ViewReport};
 use crate::{Options, Report, told};
 use crate::{day, golden};
 use mesophyll_error::Result;
@@ -52,7 +52,7 @@ fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options
     let mut out = ViewReport {
         name: view.name.clone(),
         card: view.kind == ViewKind::Card,
-        golden_only: true,
+        scope: Scope::Golden,
         ..ViewReport::default()
     };
     judge_view(manifest, view, renderer, options, &mut out)?;
@@ -93,7 +93,7 @@ pub fn hours(
     }
     let (w, h) = golden::size(manifest);
     if let Some(strip) = day::draw(scene, drawn, renderer, (w / 2, h / 2), ledger)? {
-        let mut out = ViewReport { name: HOURS.into(), golden_only: true, ..ViewReport::default() };
+        let mut out = ViewReport { name: HOURS.into(), scope: Scope::Golden, ..ViewReport::default() };
         judge(manifest, &strip.picture, options, &mut out)?;
         out.passed = out.why.is_empty();
         report.views.push(out);

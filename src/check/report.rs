@@ -36,6 +36,8 @@ pub struct Report {
     pub film: Option<Smooth>,
     /// The hours of the scene's day, drawn into `day.png`.
     pub day: Vec<Hour>,
+    /// Time from the start of the program to the end of the first frame (s), where only frames are timed.
+    pub first_frame_s: Option<f64>,
 }
 
 /// The cost of the translucency maps' term compared with the whole shader, in one run on one adapter.
@@ -47,6 +49,18 @@ pub struct Term {
     /// Operations of the most expensive leaf's shader, with the term and without. Both arms of every branch count, and
     /// loops count once.
     pub operations: [usize; 2],
+}
+
+/// What is looked at in a view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Scope {
+    /// The picture against the reference, the golden, and the time of a frame.
+    #[default]
+    Whole,
+    /// Only the small picture against its golden.
+    Golden,
+    /// Only the time of a frame.
+    Time,
 }
 
 /// One view's figures; `None` where there was nothing to measure.
@@ -84,8 +98,8 @@ pub struct ViewReport {
     pub threshold_max_error: f64,
     /// How far the small picture is from the scene's golden picture, where there is one.
     pub golden: Option<golden::Figures>,
-    /// Whether only the golden was compared.
-    pub golden_only: bool,
+    /// What was looked at.
+    pub scope: Scope,
     /// The renderer's picture compared with the reference's picture of the true leaves.
     pub true_leaf: Option<TrueLeaf>,
     /// Median time of a frame, ms.
@@ -187,7 +201,9 @@ impl ViewReport {
                 100.0 * g.changed
             )
         });
-        let mut line = if self.golden_only {
+        let mut line = if self.scope == Scope::Time {
+            format!("{verdict}  {}: {times}", self.name)
+        } else if self.scope == Scope::Golden {
             format!("{verdict}  {}: {}", self.name, golden.clone().unwrap_or_else(|| "drawn small".into()))
         } else if self.card {
             format!(
@@ -224,7 +240,7 @@ impl ViewReport {
                 t.flip_mean, t.flip_p99
             );
         }
-        if let Some(golden) = golden.filter(|_| !self.golden_only) {
+        if let Some(golden) = golden.filter(|_| self.scope == Scope::Whole) {
             line += &format!("\n        {golden}");
         }
         for why in &self.why {
@@ -253,6 +269,9 @@ impl Report {
             "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
             "pipelines": self.pipelines,
         });
+        if let Some(seconds) = self.first_frame_s {
+            out["first_frame_s"] = json!(seconds);
+        }
         if let Some(term) = &self.translucency {
             out["translucency"] = json!({
                 "main_ms": term.ms.map(|t| t[0]), "main_ms_without": term.ms.map(|t| t[1]),
@@ -300,6 +319,10 @@ impl Report {
         }
         if let Some(film) = &self.film {
             out += &format!("{}\n", film.line());
+        }
+        if let Some(seconds) = self.first_frame_s {
+            let bytes: u64 = self.uploads.iter().map(|(_, b)| b).sum();
+            out += &format!("the first frame after {seconds:.2} s; {:.1} MB on the adapter\n", bytes as f64 / 1e6);
         }
         if !self.day.is_empty() {
             let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);

@@ -1,13 +1,14 @@
 //! `mesophyll check`.
 
 use super::Common;
-use crate::Result;
+use crate::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  mesophyll check data/scenes/front-lit.toml\n  mesophyll check \
      data/scenes/glossy-sky.toml --json --out out/check\n  \
      mesophyll check data/scenes/twig.toml --goldens-only\n  \
+     mesophyll check data/scenes/breeze.toml --frames 100 --size 1920x1080    how many frames a second\n  \
      mesophyll check data/scenes/twig.toml --goldens-only --update-golden    after a deliberate change of a fit or of \
      the renderer\n\n\
     Exit code 1 when a threshold is missed, when a fit's files are not what was fitted, and when there is no adapter \
@@ -26,6 +27,14 @@ pub struct Args {
     /// Fits that are missing are made first, from small scans; everything goes to DIR/goldens
     #[arg(long)]
     goldens_only: bool,
+    /// Only draw every perspective view N times, as a program does that shows frames, and time them: no reference, no
+    /// goldens. Where something moves, every frame shows a time 1/30 s later and draws its shadow maps anew
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000),
+        conflicts_with_all = ["goldens_only", "update_golden", "compare_interiors", "compare_methods"])]
+    frames: Option<u32>,
+    /// Size of the frames (default: that of the scene's [check])
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = super::film::size, requires = "frames")]
+    size: Option<[u32; 2]>,
     /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
     #[arg(long)]
     compare_interiors: bool,
@@ -39,13 +48,25 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
-    use mesophyll_manifest::Manifest;
+    use mesophyll_manifest::{Manifest, ViewKind};
     use mesophyll_placed::{Placed, leaf::Search};
     use mesophyll_placed::{fits::missing, ledger::Ledger};
     use mesophyll_scene::loaded::Scene;
 
+    let begun = std::time::Instant::now();
     let mut manifest = Manifest::read(&args.scene)?;
-    manifest.require_limits()?;
+    let seen = manifest.views.iter().any(|view| view.kind == ViewKind::Perspective);
+    match args.frames {
+        None => manifest.require_limits()?,
+        Some(_) if seen => {}
+        Some(_) => {
+            let why = "none of kind \"perspective\", expected one whose frames can be timed";
+            return Err(Error::field(&manifest.path, "view", why));
+        }
+    }
+    if let Some([width, height]) = args.size {
+        (manifest.check.width, manifest.check.height) = (width, height);
+    }
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
     // Fits that are made for goldens alone are small, so they must not take the place of a run's own fits.
     let out = if args.goldens_only { out.join("goldens") } else { out };
@@ -71,7 +92,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     placed.out = Some(out.clone());
     let mut scene = Scene::new(manifest, placed, &ledger)?;
     scene.find_transfer(&out, &ledger)?;
-    let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
+    let options = Options {
+        out: out.clone(),
+        update_golden: args.update_golden,
+        goldens_only: args.goldens_only,
+        frames: args.frames.map(|n| n as usize),
+        begun: Some(begun),
+    };
     let (passed, mut text, mut json) =
         judged(&scene, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
     if args.compare_methods {

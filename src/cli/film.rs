@@ -42,7 +42,7 @@ pub struct Args {
     force: bool,
 }
 
-fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     sides.filter(|s| s.iter().all(|n| *n > 0)).ok_or_else(|| "expected WIDTHxHEIGHT, such as 800x600".into())
 }

@@ -11,6 +11,7 @@ mod commands;
 #[path = "../common/mod.rs"]
 mod common;
 mod csv;
+mod evidence;
 mod inspect_file;
 mod interrupted;
 mod layout;

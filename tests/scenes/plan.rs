@@ -156,7 +156,7 @@ fn the_check_sees_gloss_that_a_plan_left_out_by_mistake() {
     use mesophyll::check;
     let dir = tempfile::tempdir().unwrap();
     let (mut scene, ledger) = opened(&faint_gloss(dir.path(), 75.0));
-    let options = check::Options { out: dir.path().join("out"), update_golden: false, goldens_only: false };
+    let options = check::Options { out: dir.path().join("out"), ..Default::default() };
     let whole = match check::check(&scene, &options, &ledger) {
         Err(e) if e.to_string().contains("no graphics adapter") => return println!("skipped: no graphics adapter"),
         other => other.unwrap(),
