@@ -14,7 +14,7 @@ use crate::{Error, Result, guard, whole};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
 pub use instances::places;
-pub use mask::Mask;
+pub use mask::{Mask, colour};
 pub use plain::INSTANCING;
 use serde_json::{Value, json};
 use std::path::{Component, Path};

@@ -342,5 +342,11 @@ pub fn to_srgb8(linear: f32) -> u8 {
     (s * 255.0 + 0.5) as u8
 }
 
+/// 8-bit sRGB → linear, 0 to 1 (IEC 61966-2-1).
+pub fn from_srgb8(code: u8) -> f64 {
+    let v = f64::from(code) / 255.0;
+    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
 #[cfg(test)]
 mod tests;

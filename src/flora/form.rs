@@ -2,10 +2,10 @@
 
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// A plant at rest: its branches have the shape that their own weight has given them, except those that have a
-/// [`Branch::bending_load`].
+/// A plant at rest: branches have the shape that their weight gave them, except for [`Branch::bending_load`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plant {
     /// Name of the plant.
@@ -16,7 +16,9 @@ pub struct Plant {
     pub leaves: Vec<Leaf>,
     /// The shapes that leaves are instances of.
     pub blades: Vec<Blade>,
-    /// For a meadow, the rectangle that repeats: its size along x and y (mm), with the middle at the origin.
+    /// Colours of materials by name (linear red, green, blue), for programs that do not know the scene's leaves.
+    pub colours: BTreeMap<String, [f64; 3]>,
+    /// For a meadow, the size of the rectangle that repeats (mm), whose middle is the origin.
     pub period: Option<[f64; 2]>,
 }
 

@@ -39,10 +39,7 @@ impl Mask {
         if colour["extensions"]["KHR_texture_transform"].is_object() || colour["texCoord"].as_u64().unwrap_or(0) != 0 {
             return None;
         }
-        let texture = &root["textures"][colour["index"].as_u64()? as usize];
-        let image = &root["images"][texture["source"].as_u64()? as usize];
-        let bytes = picture(path, opened, image)?;
-        let picture = image::load_from_memory(&bytes).ok().filter(|p| p.color().has_alpha())?.into_rgba8();
+        let picture = texture(path, opened, colour).filter(|p| p.color().has_alpha())?.into_rgba8();
         let size = [picture.width(), picture.height()].map(|side| side as usize);
         let alpha: Vec<u8> = picture.pixels().map(|p| p.0[3]).collect();
         alpha.iter().any(|a| *a != alpha[0]).then(|| Mask::new(size, alpha, cutoff))
@@ -60,6 +57,28 @@ impl Mask {
         let rows = [0.0, 1.0].map(|dy| texel(0.0, dy) * (1.0 - s) + texel(1.0, dy) * s);
         rows[0] * (1.0 - t) + rows[1] * t - f64::from(self.cutoff)
     }
+}
+
+/// The colour of the material with this index: linear reflectances of red, green and blue, the mean of its picture
+/// where that is opaque. White where the file says nothing of it.
+pub fn colour(path: &Path, opened: &Opened, material: usize) -> [f64; 3] {
+    let said = &opened.root["materials"][material]["pbrMetallicRoughness"];
+    let factor = [0, 1, 2].map(|c| said["baseColorFactor"][c].as_f64().unwrap_or(1.0));
+    let Some(picture) = texture(path, opened, &said["baseColorTexture"]) else { return factor };
+    let (mut sum, mut opaque) = ([0.0; 3], 0.0);
+    for p in picture.into_rgba8().pixels().filter(|p| p.0[3] >= 128) {
+        opaque += 1.0;
+        (0..3).for_each(|c| sum[c] += crate::image::from_srgb8(p.0[c]));
+    }
+    if opaque > 0.0 { [0, 1, 2].map(|c| factor[c] * sum[c] / opaque) } else { factor }
+}
+
+/// The picture that a material refers to in this way. `None` where it refers to none, or to one that cannot be read.
+fn texture(path: &Path, opened: &Opened, reference: &Value) -> Option<image::DynamicImage> {
+    let root = &opened.root;
+    let texture = &root["textures"][reference["index"].as_u64()? as usize];
+    let image = &root["images"][texture["source"].as_u64()? as usize];
+    image::load_from_memory(&picture(path, opened, image)?).ok()
 }
 
 /// The bytes of a picture that lies in the file or beside it.

@@ -122,7 +122,7 @@ pub fn write_moving(
 ) -> Result<()> {
     let all = Nodes::new(plant, carried);
     let keys: Vec<Vec<Place>> = after.par_iter().map(|after| all.places(&motions(from + after))).collect();
-    let mut shapes = Shapes::default();
+    let mut shapes = Shapes::of(plant);
     let blades = shapes.blades(plant);
     // Node 0 holds the plant in mm, and keyed section k is node k + 1. The meshes of bark follow, and then the plant's
     // own node, which scales and turns all of it.

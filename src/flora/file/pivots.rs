@@ -133,7 +133,7 @@ fn meshes(plant: &Plant, elements: &Elements, size: [usize; 2], path: &Path) -> 
             kinds.push((material, *leaf));
         }
     }
-    let mut shapes = Shapes::default();
+    let mut shapes = Shapes::of(plant);
     let mut nodes = Vec::new();
     for (name, leaf) in kinds {
         let mut whole = LeafMesh::default();

@@ -42,6 +42,7 @@ fn plant() -> Plant {
         leaves: vec![leaf(0, 0.25, 0.1), leaf(1, 0.5, -0.4), leaf(1, 1.0, 0.9)],
         blades: vec![Blade { material: "elm".into(), mesh: LeafMesh::rectangle(60.0, 30.0) }],
         period: Some([400.0, 250.0]),
+        ..Plant::default()
     }
 }
 

@@ -19,7 +19,7 @@ const COLOURS: [[f64; 4]; 2] = [[0.13, 0.095, 0.065, 1.0], [0.06, 0.13, 0.03, 1.
 /// # Errors
 /// As [`Glb::write`].
 pub fn write(plant: &Plant, path: &Path) -> Result<()> {
-    let mut shapes = Shapes::default();
+    let mut shapes = Shapes::of(plant);
     let blades = shapes.blades(plant);
     // Node 0 is the plant, and branch k is node k + 1. The leaves follow.
     let mut nodes = vec![whole(plant)];
@@ -113,15 +113,23 @@ pub(super) struct Shapes {
     pub file: Glb,
     materials: Vec<Value>,
     known: BTreeMap<(String, bool), usize>,
+    colours: BTreeMap<String, [f64; 3]>,
     meshes: Vec<Value>,
 }
 
 impl Shapes {
+    /// No meshes yet, and materials in the plant's colours.
+    pub fn of(plant: &Plant) -> Shapes {
+        Shapes { colours: plant.colours.clone(), ..Shapes::default() }
+    }
+
     pub fn material(&mut self, name: &str, leaf: bool) -> usize {
         let materials = &mut self.materials;
+        let own = self.colours.get(name).map(|[r, g, b]| [*r, *g, *b, 1.0]);
+        let colour = own.unwrap_or(COLOURS[usize::from(leaf)]);
         *self.known.entry((name.to_string(), leaf)).or_insert_with(|| {
             materials.push(json!({"name": name, "doubleSided": leaf, "pbrMetallicRoughness": {
-                "baseColorFactor": COLOURS[usize::from(leaf)], "metallicFactor": 0.0, "roughnessFactor": 0.7}}));
+                "baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.7}}));
             materials.len() - 1
         })
     }

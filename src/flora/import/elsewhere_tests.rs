@@ -272,3 +272,127 @@ fn a_square_card_stands_as_its_picture_does() {
         assert!(tip.distance(DQuat::from_rotation_z(turn) * DVec3::Y) < 1e-4, "{turn}: {tip}");
     }
 }
+
+/// Materials without names are told apart by their numbers, and the plant that is written has the file's colours: a
+/// factor times the mean of the picture's opaque texels, in linear values.
+#[test]
+fn colours_are_kept_and_materials_without_names_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let (wood, leaves) = tree();
+    // Two opaque texels of sRGB's 188 (.5029) and 255, and two that are cut out.
+    let texels = [188, 255, 0, 255, 255, 255, 0, 255, 9, 9, 9, 0, 9, 9, 9, 0];
+    mesophyll_files::image::write_png(&folder.path().join("leaf.png"), 2, 2, &texels).unwrap();
+    let parts = [("wood", &wood), ("leaf", &leaves)];
+    let path = write(folder.path(), &parts, |root| {
+        root["materials"] = json!([{"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.1, 0.05, 1.0]}},
+            {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1.0, 1.0, 1.0], "baseColorTexture": {"index": 0}}}]);
+    });
+    let bytes = std::fs::read(&path).unwrap();
+    let mut glb = gltf::binary::Glb::from_slice(&bytes).unwrap();
+    let mut root: Value = serde_json::from_slice(&glb.json).unwrap();
+    (root["images"], root["textures"]) = (json!([{"uri": "leaf.png"}]), json!([{"source": 0}]));
+    glb.json = serde_json::to_vec(&root).unwrap().into();
+    std::fs::write(&path, glb.to_vec().unwrap()).unwrap();
+    let (plant, _, _) = made(&path);
+    assert!(plant.blades.iter().all(|blade| blade.material == "material 1"));
+    assert!(plant.branches.iter().all(|branch| branch.material == "material 0"));
+    let out = folder.path().join("out.glb");
+    file::write(&plant, &out).unwrap();
+    let (document, ..) = gltf::import(&out).unwrap();
+    let colour = |name: &str| {
+        let found = document.materials().find(|m| m.name() == Some(name)).unwrap();
+        found.pbr_metallic_roughness().base_color_factor()
+    };
+    assert_eq!(colour("material 0"), [0.2, 0.1, 0.05, 1.0]);
+    for (got, want) in colour("material 1").into_iter().zip([0.5 * (0.502_886 + 1.0) / 2.0, 1.0, 0.0, 1.0]) {
+        assert!((f64::from(got) - want).abs() < 1e-4, "{got} {want}");
+    }
+}
+
+/// A blade as a grid of nine by five vertices, of which `bend` makes a place of the share along and across (−½ to ½).
+/// The diagonals of its cells run one way or the other.
+fn grid(other: bool, bend: impl Fn(f64, f64) -> DVec3) -> LeafMesh {
+    let mut out = LeafMesh::default();
+    for k in 0..45 {
+        out.positions.push(bend(f64::from(k / 5) / 8.0, f64::from(k % 5) / 4.0 - 0.5));
+    }
+    for cell in (0..40).filter(|k| k % 5 < 4) {
+        let [a, b, c, d] = [cell, cell + 5, cell + 6, cell + 1];
+        out.indices.extend(if other { [a, b, d, b, c, d] } else { [a, b, c, a, c, d] });
+    }
+    out
+}
+
+/// The trunk and the bough of [`tree`] with copies of a blade along the trunk.
+fn with_blades(blade: &LeafMesh) -> (LeafMesh, LeafMesh) {
+    let mut leaves = LeafMesh::default();
+    for k in 0..40 {
+        let turn = DQuat::from_rotation_z(2.4 * f64::from(k));
+        let from = DVec3::Z * (300.0 + 20.0 * f64::from(k)) + turn * DVec3::X * 20.0;
+        leaves.append(blade, DMat4::from_rotation_translation(turn, from));
+    }
+    (tree().0, leaves)
+}
+
+/// Blades that are rolled up by 290°, or that hang down in a half circle, are blades; a cone, which is a sheet too, is
+/// none.
+#[test]
+fn rolled_and_hanging_leaves_are_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    let rolled = grid(false, |along, across| {
+        let (sin, cos) = (across * 290f64.to_radians()).sin_cos();
+        DVec3::new(80.0 * along, 8.0 * sin, 8.0 * cos)
+    });
+    let hanging = grid(false, |along, across| {
+        let (sin, cos) = (along * 180f64.to_radians()).sin_cos();
+        DVec3::new(25.0 * sin, 20.0 * across, 25.0 * cos - 25.0)
+    });
+    for blade in [rolled, hanging] {
+        let (wood, leaves) = with_blades(&blade);
+        let (_, _, found) = made(&write(folder.path(), &[("wood", &wood), ("leaf", &leaves)], |_| ()));
+        assert_eq!((found.branches.len(), found.leaves.len(), found.others.len()), (2, 40, 0));
+        let whole: f64 = found.leaves.iter().map(|leaf| leaf.area).sum();
+        assert!((whole / area(&leaves) - 1.0).abs() < 1e-5, "{whole}");
+    }
+    // A spike: a cone that is open where it grows out of the trunk.
+    let (wood, leaves) = with_blades(&blade());
+    let mut spike = LeafMesh { positions: vec![DVec3::new(120.0, 0.0, 500.0)], ..LeafMesh::default() };
+    for k in 0..8 {
+        let (sin, cos) = (f64::from(k) / 8.0 * std::f64::consts::TAU).sin_cos();
+        spike.positions.push(DVec3::new(10.0, 6.0 * cos, 500.0 + 6.0 * sin));
+        spike.indices.extend([0, k + 1, (k + 1) % 8 + 1]);
+    }
+    let parts = [("wood", &wood), ("leaf", &leaves), ("spike", &spike)];
+    let (_, _, found) = made(&write(folder.path(), &parts, |_| ()));
+    assert_eq!(found.leaves.len(), 40);
+}
+
+/// A back of another material that is cut into triangles the other way, a hair below its front, counts no area; which
+/// of the two is the front follows from which faces upwards. Leaflets that touch in a point are two.
+#[test]
+fn backs_of_their_own_and_leaflets_that_touch() {
+    let folder = tempfile::tempdir().unwrap();
+    let flat = |shift: f64| {
+        move |along: f64, across: f64| {
+            DVec3::new(80.0 * along, 30.0 * across * (1.0 - along), 10.0 * along * along + shift)
+        }
+    };
+    let (wood, upper) = with_blades(&grid(false, flat(0.0)));
+    let (_, mut lower) = with_blades(&grid(true, flat(-0.2)));
+    for t in lower.indices.chunks_exact_mut(3) {
+        t.swap(0, 1);
+    }
+    for parts in [[("a", &upper), ("b", &lower)], [("a", &lower), ("b", &upper)]] {
+        let parts = [("wood", &wood), parts[0], parts[1]];
+        let (plant, _, found) = made(&write(folder.path(), &parts, |_| ()));
+        assert_eq!((found.leaves.len(), found.others.len()), (40, 0));
+        let front = if std::ptr::eq(parts[1].1, &upper) { "a" } else { "b" };
+        assert!(plant.blades.iter().all(|blade| blade.material == front), "{front}");
+    }
+    // Two leaflets that stand on each other's edge, so that together they are not flat.
+    let mut pair = blade();
+    pair.append(&blade(), DMat4::from_quat(DQuat::from_rotation_x(1.5) * DQuat::from_rotation_z(0.7)));
+    let (wood, leaves) = with_blades(&pair);
+    let (_, _, found) = made(&write(folder.path(), &[("wood", &wood), ("leaf", &leaves)], |_| ()));
+    assert_eq!((found.leaves.len(), found.others.len()), (80, 0));
+}

@@ -1,16 +1,21 @@
-//! Finds which piece is a blade: its triangles all face about the same two opposite directions. A tube's triangles face
-//! all directions around it.
+//! Finds which piece is a blade: its triangles all face about the same two opposite directions, or it is a sheet,
+//! however curled it is. A tube's triangles face all directions around it, and it is no sheet.
 
 use super::axis::principal;
 use super::soup::{Piece, Soup};
 use super::{Branch, Leaf};
 use crate::form::nearest;
 use glam::{DMat3, DVec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::f64::consts::TAU;
 
 /// Least ratio of the largest eigenvalue of Σ A n nᵀ to the area Σ A. It is 1 for a flat piece, and at most ½ for a
 /// round tube, whose eigenvalues are ½, ½ and 0. Folded or curled blades lie between.
 const FLAT: f64 = 0.72;
+/// Least square of a sheet's border, relative to that of a flat round one with the same area (4π times the area). No
+/// sheet that can be flattened has less than 1; a cupped one has less, and half a ball ½. A cone, as the tips of
+/// branches are, has its radius over its length.
+const BORDER: f64 = 0.5;
 /// Largest gap between a blade and its branch, as a share of the blade's length. Stalks are often not drawn.
 const STALK: f64 = 0.6;
 /// A blade whose width is more than this share of its length has no longest direction that could be trusted.
@@ -27,7 +32,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
         whole += area;
     }
     let [(most, normal), ..] = principal(facing);
-    if !(most > FLAT * whole) {
+    if !(most > FLAT * whole || sheet(soup, piece, whole)) {
         return None;
     }
     let centre = soup.centre(piece);
@@ -70,6 +75,41 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
     })
 }
 
+/// Whether the piece, whose area is `area`, is a sheet: it has one border and no hole, and that border is not short for
+/// its area.
+fn sheet(soup: &Soup, piece: &Piece, area: f64) -> bool {
+    let edges = edges(soup, piece);
+    let corners = piece.triangles.iter().flat_map(|t| soup.triangles[*t as usize]);
+    let vertices = corners.collect::<HashSet<u32>>().len();
+    // Euler's formula: a sheet with one border has 1, a tube 0, a closed surface 2. Where borders touch, more than two
+    // edges of them meet.
+    let mut meeting: HashMap<u32, usize> = HashMap::new();
+    for end in edges.iter().filter(|(_, n)| **n == 1).flat_map(|(edge, _)| edge) {
+        *meeting.entry(*end).or_default() += 1;
+    }
+    if vertices + piece.triangles.len() != edges.len() + 1
+        || edges.values().any(|n| *n > 2)
+        || meeting.values().any(|n| *n != 2)
+    {
+        return false;
+    }
+    let length = |[a, b]: &[u32; 2]| soup.places[*a as usize].distance(soup.places[*b as usize]);
+    let border: f64 = edges.iter().filter(|(_, n)| **n == 1).map(|(edge, _)| length(edge)).sum();
+    border * border > BORDER * 2.0 * TAU * area
+}
+
+/// The edges of a piece, and how many of its triangles have each.
+fn edges(soup: &Soup, piece: &Piece) -> HashMap<[u32; 2], usize> {
+    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
+    for t in &piece.triangles {
+        let [a, b, c] = soup.triangles[*t as usize];
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *edges.entry([from.min(to), from.max(to)]).or_default() += 1;
+        }
+    }
+    edges
+}
+
 /// The direction of the picture's top within the plane of `normal`: leaves grow upwards in pictures of leaves. `None`
 /// without texture coordinates.
 fn up(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
@@ -86,15 +126,9 @@ fn up(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
 
 /// The direction of the piece's longest edge that belongs to one triangle only, within the plane of `normal`.
 fn longest_edge(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
-    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
-    for t in &piece.triangles {
-        let [a, b, c] = soup.triangles[*t as usize];
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            *edges.entry([from.min(to), from.max(to)]).or_default() += 1;
-        }
-    }
     let line = |[a, b]: [u32; 2]| soup.places[b as usize] - soup.places[a as usize];
-    let mut border: Vec<[u32; 2]> = edges.into_iter().filter(|(_, n)| *n == 1).map(|(edge, _)| edge).collect();
+    let mut border: Vec<[u32; 2]> =
+        edges(soup, piece).into_iter().filter(|(_, n)| *n == 1).map(|(edge, _)| edge).collect();
     // The order of a map changes from run to run.
     border.sort_unstable();
     let longest = border.into_iter().map(line).max_by(|a, b| a.length().total_cmp(&b.length()))?;

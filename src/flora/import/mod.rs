@@ -8,6 +8,7 @@
 mod arms;
 pub mod attach;
 pub mod axis;
+mod backs;
 #[cfg(test)]
 mod elsewhere_tests;
 pub mod flat;
@@ -171,7 +172,7 @@ enum Kind {
 
 /// Finds the branches of a soup. `known` says what a material is, by its name, where that is known.
 pub fn find(soup: &Soup, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Found {
-    let all = soup.pieces();
+    let all = unjoined(soup, soup.pieces(), known);
     let kind = |(k, piece): (usize, &Piece)| {
         let matter = known(soup.material(piece));
         if matter != Some(Matter::Wood)
@@ -204,9 +205,25 @@ pub fn find(soup: &Soup, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Fo
             }
         }
     }
+    found.doubled += backs::take(soup, &all, &mut found.leaves);
     found.branches = attach::attach(tubes, refused);
     found.branches.iter_mut().for_each(|branch| branch.piece = of_tubes[branch.piece]);
     leaf::hang(&mut found.leaves, &found.branches);
     found.pieces = all;
     found
+}
+
+/// The pieces, where blades that touch each other only in a point, as leaflets at one stalk do, are pieces of their
+/// own.
+fn unjoined(soup: &Soup, pieces: Vec<Piece>, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Vec<Piece> {
+    let cut = |piece: Piece| {
+        if known(soup.material(&piece)) != Some(Matter::Wood) {
+            let parts = soup.apart(&piece);
+            if parts.len() > 1 && parts.iter().all(|part| leaf::of(soup, part).is_some()) {
+                return parts;
+            }
+        }
+        vec![piece]
+    };
+    pieces.into_par_iter().flat_map_iter(cut).collect()
 }

@@ -92,6 +92,7 @@ pub fn plant(soup: &Soup, found: &Found, name: &str) -> (Plant, Made) {
         Joint { branch, at }
     };
     (out.blades, out.leaves) = blades(soup, found, joint);
+    out.colours = colours(soup, &bark);
     (out, made)
 }
 
@@ -112,6 +113,7 @@ pub fn standing(soup: &Soup, found: &Found, name: &str) -> Plant {
         out.branches.push(still("plant".into(), DVec3::ZERO, None, "bark", LeafMesh::default(), &out));
     }
     (out.blades, out.leaves) = blades(soup, found, |_| Joint { branch: 0, at: 0.0 });
+    out.colours = colours(soup, &bark);
     out
 }
 
@@ -162,6 +164,14 @@ fn barks<'a>(soup: &'a Soup, found: &Found) -> BTreeMap<&'a str, String> {
     let mut out: BTreeMap<&str, String> = soup.materials.iter().map(one).collect();
     out.entry("").or_insert_with(|| "bark".into());
     out
+}
+
+/// The file's colour of each material, by its names as a blade's and as a bark's.
+fn colours(soup: &Soup, bark: &BTreeMap<&str, String>) -> BTreeMap<String, [f64; 3]> {
+    let named = |(name, colour): (&String, &[f64; 3])| {
+        [blade_name(name).to_string(), bark[name.as_str()].clone()].map(|name| (name, *colour))
+    };
+    soup.materials.iter().zip(&soup.colours).flat_map(named).collect()
 }
 
 /// Some pieces as a mesh, each place moved by `local`, which turns and moves but does not scale. A vertex is one where

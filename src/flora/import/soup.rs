@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use glam::{DMat3, DMat4, DVec3, I64Vec3};
 use mesophyll_files::gltf_file::{self, DEEPEST, Mask, Opened, wide};
 use mesophyll_files::unit::Unit;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
 /// Vertices are merged if their distance is less than this share of the plant's size.
@@ -20,10 +20,13 @@ pub struct Soup {
     pub triangles: Vec<[u32; 3]>,
     /// What the file says of the corners of each triangle, in the same order.
     pub said: Vec<Corners>,
-    /// Names of materials, each once; "" for triangles without one.
+    /// Names of materials, each once; "" for triangles without one. Of several materials without a name, each has its
+    /// number.
     pub materials: Vec<String>,
     /// What each material cuts out of a picture; `None` where it cuts nothing out.
     pub masks: Vec<Option<Mask>>,
+    /// The colour of each material: linear reflectances of red, green and blue.
+    pub colours: Vec<[f64; 3]>,
     /// Triangles without an area, which were left out.
     pub degenerate: usize,
     /// Triangles that repeat another one, as the back of a leaf does, which were left out.
@@ -55,6 +58,7 @@ struct Reader<'a> {
     opened: &'a Opened,
     materials: Vec<String>,
     masks: Vec<Option<Mask>>,
+    colours: Vec<[f64; 3]>,
     out: Vec<Given>,
 }
 
@@ -67,7 +71,14 @@ struct Reader<'a> {
 pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
     gltf_file::read(path, &[INSTANCING], |opened| {
         crate::file::count(path, &opened)?;
-        let mut reader = Reader { path, opened: &opened, materials: Vec::new(), masks: Vec::new(), out: Vec::new() };
+        let mut reader = Reader {
+            path,
+            opened: &opened,
+            materials: Vec::new(),
+            masks: Vec::new(),
+            colours: Vec::new(),
+            out: Vec::new(),
+        };
         let world = DMat4::from_scale(DVec3::splat(unit.unwrap_or(opened.unit).mm()));
         match opened.document.default_scene().or_else(|| opened.document.scenes().next()) {
             Some(scene) => {
@@ -81,7 +92,7 @@ pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
                 }
             }
         }
-        let soup = Soup { masks: reader.masks, ..Soup::with(&reader.out, reader.materials) };
+        let soup = Soup { masks: reader.masks, colours: reader.colours, ..Soup::with(&reader.out, reader.materials) };
         if soup.triangles.is_empty() {
             let what = if soup.degenerate > 0 {
                 format!("all {} triangles are degenerate: none has an area", soup.degenerate)
@@ -126,12 +137,13 @@ impl Reader<'_> {
             let reader = primitive.reader(|b| self.opened.buffers.get(b.index()).map(|d| d.0.as_slice()));
             let normals: Vec<DVec3> = reader.read_normals().map(|l| l.map(wide).collect()).unwrap_or_default();
             let uvs: Vec<[f32; 2]> = reader.read_tex_coords(0).map(|l| l.into_f32().collect()).unwrap_or_default();
-            let name = primitive.material().name().unwrap_or_default();
-            let known = self.materials.iter().position(|own| own == name);
+            let name = self.name(&primitive.material());
+            let known = self.materials.iter().position(|own| *own == name);
             let material = known.unwrap_or_else(|| {
-                self.materials.push(name.to_string());
+                self.materials.push(name);
                 let index = primitive.material().index();
                 self.masks.push(index.and_then(|k| Mask::of(self.path, self.opened, k)));
+                self.colours.push(index.map_or([1.0; 3], |k| gltf_file::colour(self.path, self.opened, k)));
                 self.materials.len() - 1
             }) as u32;
             for world in worlds {
@@ -153,6 +165,17 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+}
+
+impl Reader<'_> {
+    /// The name of a material. One without a name has "", and its number where the file has several of these.
+    fn name(&self, material: &gltf::Material) -> String {
+        let unnamed = || self.opened.document.materials().filter(|m| m.name().is_none_or(str::is_empty)).nth(1);
+        match (material.name().unwrap_or_default(), material.index()) {
+            ("", Some(k)) if unnamed().is_some() => format!("material {k}"),
+            (name, _) => name.into(),
+        }
     }
 }
 
@@ -280,6 +303,23 @@ impl Soup {
             whole += area;
         }
         sum / whole
+    }
+
+    /// The parts of a piece that have no edge in common, in the order of their first triangles.
+    pub fn apart(&self, piece: &Piece) -> Vec<Piece> {
+        let mut sets = Sets((0..piece.triangles.len() as u32).collect());
+        let mut first: HashMap<[u32; 2], u32> = HashMap::new();
+        for (k, t) in piece.triangles.iter().enumerate() {
+            let [a, b, c] = self.triangles[*t as usize];
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                sets.join(*first.entry([from.min(to), from.max(to)]).or_insert(k as u32), k as u32);
+            }
+        }
+        let mut out: BTreeMap<u32, Piece> = BTreeMap::new();
+        for (k, t) in piece.triangles.iter().enumerate() {
+            out.entry(sets.top(k as u32)).or_default().triangles.push(*t);
+        }
+        out.into_values().collect()
     }
 
     /// The pieces, in the order of their first triangles. Triangles of different materials are never in one piece.
