@@ -25,7 +25,8 @@ pub struct Hour {
     pub azimuth_deg: f64,
     /// Irradiance of the sun on a surface that faces it.
     pub sun: [f64; 3],
-    /// Root of the sum of squared differences from integrated coefficients over c00, worst channel.
+    /// Root of the sum of squared differences from integrated coefficients over c00, worst channel; 0 where they were
+    /// integrated and not fitted.
     pub fit_error: f64,
 }
 

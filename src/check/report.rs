@@ -326,10 +326,11 @@ impl Report {
         }
         if !self.day.is_empty() {
             let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);
-            out += &format!(
-                "day.png: {} hours; the fitted sky is within {worst:.1e} of an integrated one\n",
-                self.day.len()
-            );
+            let sky = match worst {
+                0.0 => "the sky was integrated at each".to_string(),
+                worst => format!("the fitted sky is within {worst:.1e} of an integrated one"),
+            };
+            out += &format!("day.png: {} hours; {sky}\n", self.day.len());
         }
         out
     }
