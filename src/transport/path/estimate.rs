@@ -51,3 +51,14 @@ pub(super) fn estimate<const N: usize>(
         Estimate { mean, error: (spread / n).sqrt() }
     })
 }
+
+/// The mean of independent means, and the variance of that mean; infinite for a single one.
+pub(super) fn spread(means: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
+    let n = means.len() as f64;
+    let mean = [0, 1, 2].map(|c| means.iter().map(|m| m[c]).sum::<f64>() / n);
+    let variance = [0, 1, 2].map(|c| match means.len() {
+        0 | 1 => f64::INFINITY,
+        _ => means.iter().map(|m| (m[c] - mean[c]).powi(2)).sum::<f64>() / (n - 1.0) / n,
+    });
+    (mean, variance)
+}

@@ -21,6 +21,9 @@ mod picture;
 mod picture_tests;
 mod samples;
 mod scatter;
+pub mod slopes;
+#[cfg(test)]
+mod slopes_tests;
 #[cfg(test)]
 mod tests;
 

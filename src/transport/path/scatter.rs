@@ -216,9 +216,61 @@ impl<'a> Scatter<'a> {
             let sound = (self.normal.dot(direction) > 0.0) == self.faces(direction);
             return sound.then(|| Turn { direction, weight, density: SURE, through: !self.faces(direction) });
         }
+        let direction = self.direction(numbers)?;
+        let density = self.density(direction);
+        let f = self.times_cosine(direction);
+        let counts = density > 0.0 && f.iter().any(|x| *x > 0.0);
+        counts.then(|| Turn { direction, weight: f.map(|x| x / density), density, through: !self.faces(direction) })
+    }
+
+    /// Whether rays are followed through the layers of the leaf, so that [`Scatter::draw`] alone knows what they carry.
+    pub fn layered(&self) -> bool {
+        self.layers.is_some()
+    }
+
+    /// Gives lobes that are asked for (ρd, ρt, ρs) at least this share of the draws, also where they reflect nothing:
+    /// a derivative by what is 0 is found by nothing else.
+    pub fn raise(&mut self, asked: [bool; 3], least: f64) {
+        let there = [true, true, self.gloss.is_some()];
+        if self.layers.is_some() || self.mirrored.is_some() {
+            return;
+        }
+        for ((choice, asked), there) in self.choice.iter_mut().zip(asked).zip(there) {
+            if asked && there {
+                *choice = choice.max(least);
+            }
+        }
+        let sum: f64 = self.choice.iter().sum();
+        if sum > 0.0 {
+            self.choice = self.choice.map(|c| c / sum);
+        }
+    }
+
+    /// What [`Scatter::times_cosine`] multiplies ρd, ρt and ρs by (1/sr), and the derivative of the last by the slope m.
+    pub fn lobes(&self, l: DVec3) -> [f64; 4] {
+        if !self.faces(l) {
+            return [0.0, self.far_normal.dot(l).max(0.0) / PI, 0.0, 0.0];
+        }
+        let shine = |m: f64| self.gloss.as_ref().map_or(0.0, |g| g.lobe.times_cosine(self.normal, self.view, l, m));
+        let (mut gloss, mut by_m) = (0.0, 0.0);
+        if let Some(g) = &self.gloss {
+            let step = 1e-4 * g.m;
+            gloss = shine(g.m);
+            by_m = (shine(g.m + step) - shine(g.m - step)) / (2.0 * step);
+        }
+        [self.normal.dot(l).max(0.0) / PI, 0.0, gloss, by_m]
+    }
+
+    /// ρs; 0 where there is no gloss.
+    pub fn rho_s(&self) -> [f64; 3] {
+        self.gloss.as_ref().map_or([0.0; 3], |g| g.rho_s)
+    }
+
+    /// A direction from uniform numbers, whatever light comes along it; `None` where the draw gives none.
+    pub fn direction(&self, numbers: [f64; 4]) -> Option<DVec3> {
         let [choice, u, v, _] = numbers;
         let [d, t, s] = self.choice;
-        let direction = if choice < d {
+        Some(if choice < d {
             cosine(self.normal, u, v)
         } else if choice < d + t || s == 0.0 {
             cosine(self.far_normal, u, v)
@@ -236,11 +288,7 @@ impl<'a> Scatter<'a> {
                 return None;
             }
             h * (2.0 * v_h) - self.view
-        };
-        let density = self.density(direction);
-        let f = self.times_cosine(direction);
-        let counts = density > 0.0 && f.iter().any(|x| *x > 0.0);
-        counts.then(|| Turn { direction, weight: f.map(|x| x / density), density, through: !self.faces(direction) })
+        })
     }
 }
 

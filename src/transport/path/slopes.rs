@@ -1,0 +1,317 @@
+//! Radiance and its derivatives by numbers of the scene, along the same paths.
+//!
+//! A path's radiance is a sum of products: of what each surface scatters, over the density by which the next direction
+//! was drawn, and of the light at its end. Densities are held fixed (Zeltner et al. 2021, "detached" sampling), so a
+//! derivative follows from the product rule. At each surface, with the weight w of the turn,
+//!
+//! ```text
+//! d ← d·w + carried·∂w     carried ← carried·w
+//! ```
+//! and where light is met, d times the light and carried times the light's own derivative are added. Nothing is divided
+//! by a reflectance, so that black leaves have derivatives too. Balance weights and roulette are fixed numbers.
+
+use super::lights::Light;
+use super::scatter::Scatter;
+use super::{FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, estimate};
+use crate::Result;
+use crate::accelerate::Ray;
+use crate::dome::RadianceAt;
+use crate::render::Lens;
+use crate::stage::SideBy;
+use crate::world::Camera;
+use glam::DVec3;
+use mesophyll_files::progress;
+use rayon::prelude::*;
+
+/// What radiance is differentiated by. Each has a number for each channel, which changes the light of that channel
+/// alone; a number that all channels share is the sum of its derivatives.
+#[derive(Clone)]
+pub enum Of {
+    /// ρd of a leaf of the world, by its index, of the front or the back.
+    RhoD {
+        /// Index of the leaf.
+        leaf: usize,
+        /// Whether of the back.
+        back: bool,
+    },
+    /// ρt of a leaf, the same for light that enters at the front and at the back.
+    RhoT(usize),
+    /// ρs of a leaf's gloss, the same on both sides.
+    RhoS(usize),
+    /// The slope m of a leaf's gloss, the same on both sides.
+    Slope(usize),
+    /// A number of the light.
+    Light {
+        /// The derivative of the sky's radiance by direction, where the sky depends on it.
+        sky: Option<RadianceAt>,
+        /// The derivative of the sun's irradiance.
+        sun: [f64; 3],
+    },
+}
+
+/// The least share of draws of a lobe whose derivative is asked for.
+const LEAST: f64 = 0.1;
+/// What a derivative counts in the roulette, relative to the radiance that a path carries. Reflectances are about this.
+const WORTH: f64 = 0.1;
+
+/// What one path brings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Brought {
+    /// Radiance.
+    pub radiance: [f64; 3],
+    /// Its derivatives, in the order of the list.
+    pub slopes: Vec<[f64; 3]>,
+}
+
+/// Pictures of radiance and of its derivatives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sheet {
+    /// Mean radiance of each pixel (or direction).
+    pub mean: Vec<[f64; 3]>,
+    /// The variance of that mean.
+    pub variance: Vec<[f64; 3]>,
+    /// Derivatives, all of a pixel together.
+    pub slopes: Vec<[f64; 3]>,
+}
+
+/// A tracer that also follows derivatives.
+pub struct Slopes<'a> {
+    tracer: &'a Tracer<'a>,
+    of: &'a [Of],
+    /// For each leaf, the derivative by ρd of front and back, ρt, ρs and m, by its index in the list.
+    leaves: Vec<[Option<usize>; 5]>,
+}
+
+/// The terms ∂f at one direction: the index of the derivative, and its value for each channel.
+type Terms = [Option<(usize, [f64; 3])>; 2];
+
+impl<'a> Slopes<'a> {
+    /// Derivatives by everything in `of`. Leaves by B1's models have none.
+    pub fn new(tracer: &'a Tracer<'a>, of: &'a [Of]) -> Slopes<'a> {
+        let mut leaves = vec![[None; 5]; tracer.world().leaves.len()];
+        for (k, of) in of.iter().enumerate() {
+            let (leaf, slot) = match of {
+                Of::RhoD { leaf, back } => (*leaf, usize::from(*back)),
+                Of::RhoT(leaf) => (*leaf, 2),
+                Of::RhoS(leaf) => (*leaf, 3),
+                Of::Slope(leaf) => (*leaf, 4),
+                Of::Light { .. } => continue,
+            };
+            leaves[leaf][slot] = Some(k);
+        }
+        Slopes { tracer, of, leaves }
+    }
+
+    /// One path along `ray` (of unit direction).
+    fn follow(&self, mut ray: Ray, samples: &mut Samples) -> Brought {
+        let Tracer { stage, lights, paths } = self.tracer;
+        let strategy = paths.strategy;
+        let most = paths.bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
+        let mut out = Brought { radiance: [0.0; 3], slopes: vec![[0.0; 3]; self.of.len()] };
+        let Some(mut met) = stage.nearest(&ray) else {
+            out.radiance = self.tracer.background(ray.direction);
+            let disk = lights.disk(ray.direction);
+            self.light(&mut out, [1.0; 3], |sky| sky.map_or([0.0; 3], |sky| sky(ray.direction)), self.unit(disk));
+            return out;
+        };
+        let (mut carried, mut d) = ([1.0; 3], vec![[0.0; 3]; self.of.len()]);
+        let by_lights = lights.drawn(strategy);
+        for turned in 1..=most {
+            let surface = stage.surface(&met, SideBy::Triangle);
+            let of_leaf = self.leaves[stage.world.instances[surface.instance].leaf];
+            // Which lobe is drawn follows what is carried; where that is nothing, all channels count alike.
+            let weigh = if carried.iter().any(|c| *c > 0.0) { carried } else { [1.0; 3] };
+            let mut scatter = Scatter::new(stage, &surface, weigh, surface.rho_t());
+            let by_side = of_leaf[usize::from(surface.back)];
+            let asked = [by_side.is_some(), of_leaf[2].is_some(), of_leaf[3].is_some() || of_leaf[4].is_some()];
+            scatter.raise(asked, LEAST);
+            let terms = |l: DVec3, scatter: &Scatter| -> [Terms; 2] {
+                let [diffuse, through, gloss, by_m] = scatter.lobes(l);
+                let one = |at: Option<usize>, v: f64| at.filter(|_| v != 0.0).map(|k| (k, [v; 3]));
+                let rho_s = scatter.rho_s();
+                let slope = of_leaf[4].filter(|_| by_m != 0.0).map(|k| (k, rho_s.map(|r| r * by_m)));
+                [[one(by_side, diffuse), one(of_leaf[2], through)], [one(of_leaf[3], gloss), slope]]
+            };
+            if !by_lights {
+                samples.skip();
+            } else if let Some(light) = lights.draw(samples.next(), strategy) {
+                let l = light.direction;
+                let f = if light.sun { scatter.times_cosine_of_sun(l) } else { scatter.times_cosine(l) };
+                let terms = terms(l, &scatter);
+                let any = f.iter().any(|x| *x > 0.0) || terms.iter().flatten().any(Option::is_some);
+                if any && !stage.blocked(&stage.leave(surface.point, surface.flat, l)) {
+                    let alone = light.sun && scatter.sun_by_maps();
+                    let share = match light.density.filter(|_| !alone || scatter.faces(l)) {
+                        Some(density) => strategy.light(density, || scatter.density(l)),
+                        None => light.level,
+                    };
+                    self.gather(&mut out, &light, share, carried, &d, f, &terms);
+                }
+            }
+            let (direction, weight, density, sure) = if scatter.layered() {
+                let Some(turn) = scatter.draw(samples.next()) else { return out };
+                (turn.direction, turn.weight, turn.density, [[None; 2]; 2])
+            } else {
+                let Some(direction) = scatter.direction(samples.next()) else { return out };
+                let density = scatter.density(direction);
+                if !(density > 0.0) {
+                    return out;
+                }
+                let over = |terms: Terms| terms.map(|t| t.map(|(k, v)| (k, v.map(|v| v / density))));
+                let weight = scatter.times_cosine(direction).map(|f| f / density);
+                (direction, weight, density, terms(direction, &scatter).map(over))
+            };
+            d.iter_mut().for_each(|d| (0..3).for_each(|c| d[c] *= weight[c]));
+            for (k, by) in sure.into_iter().flatten().flatten() {
+                (0..3).for_each(|c| d[k][c] += carried[c] * by[c]);
+            }
+            (0..3).for_each(|c| carried[c] *= weight[c]);
+            let worth = d.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs())) * WORTH;
+            let most = carried.iter().fold(worth, |a, b| a.max(*b));
+            if !(most > 0.0) || most > MOST_CARRIED {
+                return out;
+            }
+            let with_sun = scatter.faces(direction) || !scatter.sun_by_maps();
+            ray = stage.leave(surface.point, surface.flat, direction);
+            let Some(next) = stage.nearest(&ray) else {
+                self.end(&mut out, ray.direction, density, with_sun, carried, &d);
+                return out;
+            };
+            if turned > FOLLOWED {
+                let share = most.min(1.0);
+                if samples.next()[0] >= share {
+                    return out;
+                }
+                carried = carried.map(|c| c / share);
+                d.iter_mut().flatten().for_each(|v| *v /= share);
+            }
+            met = next;
+        }
+        out
+    }
+
+    /// Light that was drawn, through a surface that scatters `f` of it and changes that by `terms`.
+    #[allow(clippy::too_many_arguments, reason = "the state of a path at one surface")]
+    fn gather(
+        &self,
+        out: &mut Brought,
+        light: &Light,
+        share: f64,
+        carried: [f64; 3],
+        d: &[[f64; 3]],
+        f: [f64; 3],
+        terms: &[Terms; 2],
+    ) {
+        let lit = light.weight.map(|w| w * share);
+        for c in 0..3 {
+            out.radiance[c] += carried[c] * f[c] * lit[c];
+        }
+        for (k, d) in d.iter().enumerate() {
+            (0..3).for_each(|c| out.slopes[k][c] += d[c] * f[c] * lit[c]);
+        }
+        for (k, by) in terms.iter().flatten().flatten() {
+            (0..3).for_each(|c| out.slopes[*k][c] += carried[c] * by[c] * lit[c]);
+        }
+        let through = [0, 1, 2].map(|c| carried[c] * f[c]);
+        match (light.sun, light.density) {
+            (true, _) => self.light(out, through, |_| [0.0; 3], self.unit(lit)),
+            (false, Some(density)) => {
+                let at = |sky: Option<&RadianceAt>| {
+                    sky.map_or([0.0; 3], |sky| sky(light.direction).map(|v| v * share / density))
+                };
+                self.light(out, through, at, 0.0);
+            }
+            _ => {}
+        }
+    }
+
+    /// The end of a path, outside of the scene.
+    fn end(&self, out: &mut Brought, at: DVec3, density: f64, with_sun: bool, carried: [f64; 3], d: &[[f64; 3]]) {
+        let (lights, strategy) = (&self.tracer.lights, self.tracer.paths.strategy);
+        let sky = lights.seen(at, density, strategy, false);
+        let all = if with_sun { lights.seen(at, density, strategy, true) } else { sky };
+        for c in 0..3 {
+            out.radiance[c] += carried[c] * all[c];
+        }
+        for (k, d) in d.iter().enumerate() {
+            (0..3).for_each(|c| out.slopes[k][c] += d[c] * all[c]);
+        }
+        // What is seen of the sky is its radiance times one weight for all channels.
+        let radiance = lights.sky(at);
+        let brightest = (0..3).fold(0, |a, c| if radiance[c] > radiance[a] { c } else { a });
+        let weight = if radiance[brightest] > 0.0 { sky[brightest] / radiance[brightest] } else { 0.0 };
+        let of_sky = |sky: Option<&RadianceAt>| sky.map_or([0.0; 3], |sky| sky(at).map(|v| v * weight));
+        self.light(out, carried, of_sky, self.unit([0, 1, 2].map(|c| all[c] - sky[c])));
+    }
+
+    /// Adds the derivatives by the light's own numbers. `through` is what the path lets through, `sky` the derivative of
+    /// the sky's part, and `sun` what a sun of irradiance 1 would give.
+    fn light(&self, out: &mut Brought, through: [f64; 3], sky: impl Fn(Option<&RadianceAt>) -> [f64; 3], sun: f64) {
+        for (k, of) in self.of.iter().enumerate() {
+            if let Of::Light { sky: by_sky, sun: by_sun } = of {
+                let sky = sky(by_sky.as_ref());
+                (0..3).for_each(|c| out.slopes[k][c] += through[c] * (sky[c] + by_sun[c] * sun));
+            }
+        }
+    }
+
+    /// Light of the sun over the sun's irradiance, which is the same for all channels.
+    fn unit(&self, lit: [f64; 3]) -> f64 {
+        let irradiance = self.tracer.world().sun.as_ref().map_or([0.0; 3], |sun| sun.irradiance);
+        let most = (0..3).fold(0, |a, c| if irradiance[c] > irradiance[a] { c } else { a });
+        if irradiance[most] > 0.0 { lit[most] / irradiance[most] } else { 0.0 }
+    }
+
+    /// Means of what `paths` paths bring from each of `count` places, from rounds of their own. `ray` gives a place's ray
+    /// for two uniform numbers.
+    fn sheet(&self, count: usize, paths: u32, seed: u64, ray: impl Fn(usize, [f64; 2]) -> Ray + Sync) -> Result<Sheet> {
+        let rounds = paths.clamp(1, ROUNDS);
+        let each = paths.div_ceil(rounds);
+        let n = self.of.len();
+        let of = |place: usize| {
+            let (mut means, mut slopes) = (Vec::with_capacity(rounds as usize), vec![[0.0; 3]; n]);
+            if progress::stop_requested() {
+                return ([0.0; 3], [0.0; 3], slopes);
+            }
+            for round in 0..rounds {
+                let seed = super::picture::pixel_seed(seed, place, round);
+                let mut mean = [0.0; 3];
+                for path in 0..each {
+                    let mut samples = Samples::new(seed, path);
+                    let [x, y, ..] = samples.next();
+                    let found = self.follow(ray(place, [x, y]), &mut samples);
+                    (0..3).for_each(|c| mean[c] += found.radiance[c] / f64::from(each));
+                    let share = 1.0 / f64::from(each * rounds);
+                    for (sum, new) in slopes.iter_mut().zip(found.slopes) {
+                        (0..3).for_each(|c| sum[c] += new[c] * share);
+                    }
+                }
+                means.push(mean);
+            }
+            let (mean, variance) = estimate::spread(&means);
+            (mean, variance, slopes)
+        };
+        let all: Vec<_> = (0..count).into_par_iter().map(of).collect();
+        progress::go_on()?;
+        let mut out = Sheet { mean: Vec::new(), variance: Vec::new(), slopes: Vec::with_capacity(n * count) };
+        for (mean, variance, slopes) in all {
+            out.mean.push(mean);
+            out.variance.push(variance);
+            out.slopes.extend(slopes);
+        }
+        Ok(out)
+    }
+
+    /// A picture of `size` (columns, rows) pixels, row by row from the top, from `paths` paths a pixel.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] for a camera that looks nowhere, and a stop that was asked for.
+    pub fn picture(&self, camera: &Camera, size: [usize; 2], paths: u32, seed: u64) -> Result<Sheet> {
+        let [width, height] = size;
+        let lens = Lens::new(camera, width, height)?;
+        self.sheet(width * height, paths, seed, |k, [x, y]| lens.ray((k % width) as f64 + x, (k / width) as f64 + y))
+    }
+}
+
+/// Rounds of a place, from whose scatter its variance is estimated.
+const ROUNDS: u32 = 8;
