@@ -84,7 +84,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 24] = [
+pub const MODELS: [Model; 25] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -203,6 +203,11 @@ pub const MODELS: [Model; 24] = [
     Model {
         name: "dipole",
         eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
+        ..NONE
+    },
+    Model {
+        name: "scene",
+        fit: verb!(fit::scene, "What leaves, ground and light of a scene are, from linear pictures of it"),
         ..NONE
     },
     Model {

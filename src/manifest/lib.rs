@@ -12,6 +12,7 @@ mod leaf;
 mod light;
 mod picture;
 mod plant;
+mod unknown;
 mod validate;
 mod view;
 
@@ -23,6 +24,7 @@ pub use picture::Pictured;
 pub use plant::{
     BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
 };
+pub use unknown::{Taken, Unknown};
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
 use mesophyll_error::Fault;
@@ -87,6 +89,11 @@ pub struct Manifest {
     pub views: Vec<View>,
     /// The camera's exposure, for pictures by `render --tone film`.
     pub camera: Option<Camera>,
+    /// Pictures that were taken of it, for `fit scene`.
+    #[serde(default, rename = "picture")]
+    pub taken: Vec<Taken>,
+    /// The numbers that `fit scene` finds from them.
+    pub unknown: Option<Unknown>,
     /// How its pictures are judged.
     #[serde(default)]
     pub check: Check,

@@ -23,6 +23,8 @@ pub enum FitKind {
     Beam,
     /// Slices that stand for the blades of a meadow.
     Grass,
+    /// What leaves, ground and light of a scene are, from its pictures.
+    Scene,
     /// How light reaches the leaves of a scene past and by way of other leaves.
     Transfer,
 }

@@ -15,6 +15,7 @@ pub mod gloss;
 pub mod grass;
 pub mod leaf;
 pub mod motion;
+pub mod scene;
 pub mod sky;
 pub mod slab;
 mod slab_pictures;

@@ -64,7 +64,7 @@ pub struct Brought {
 }
 
 /// Pictures of radiance and of its derivatives.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Sheet {
     /// Mean radiance of each pixel (or direction).
     pub mean: Vec<[f64; 3]>,
@@ -111,7 +111,10 @@ impl<'a> Slopes<'a> {
         let Some(mut met) = stage.nearest(&ray) else {
             out.radiance = self.tracer.background(ray.direction);
             let disk = lights.disk(ray.direction);
-            self.light(&mut out, [1.0; 3], |sky| sky.map_or([0.0; 3], |sky| sky(ray.direction)), self.unit(disk));
+            // A constant sky gives light, but is not what is seen behind the scene.
+            let shown = stage.world.dome.is_some() || stage.world.environment.is_some();
+            let behind = |sky: Option<&RadianceAt>| sky.filter(|_| shown).map_or([0.0; 3], |sky| sky(ray.direction));
+            self.light(&mut out, [1.0; 3], behind, self.unit(disk));
             return out;
         };
         let (mut carried, mut d) = ([1.0; 3], vec![[0.0; 3]; self.of.len()]);
@@ -262,11 +265,14 @@ impl<'a> Slopes<'a> {
         if irradiance[most] > 0.0 { lit[most] / irradiance[most] } else { 0.0 }
     }
 
-    /// Means of what `paths` paths bring from each of `count` places, from rounds of their own. `ray` gives a place's ray
-    /// for two uniform numbers.
-    fn sheet(&self, count: usize, paths: u32, seed: u64, ray: impl Fn(usize, [f64; 2]) -> Ray + Sync) -> Result<Sheet> {
-        let rounds = paths.clamp(1, ROUNDS);
-        let each = paths.div_ceil(rounds);
+    /// Means over rounds of `each` paths from each of `count` places. `ray` gives a place's ray for two uniform numbers.
+    fn sheet(
+        &self,
+        count: usize,
+        [rounds, each]: [u32; 2],
+        seed: u64,
+        ray: impl Fn(usize, [f64; 2]) -> Ray + Sync,
+    ) -> Result<Sheet> {
         let n = self.of.len();
         let of = |place: usize| {
             let (mut means, mut slopes) = (Vec::with_capacity(rounds as usize), vec![[0.0; 3]; n]);
@@ -302,16 +308,16 @@ impl<'a> Slopes<'a> {
         Ok(out)
     }
 
-    /// A picture of `size` (columns, rows) pixels, row by row from the top, from `paths` paths a pixel.
+    /// A picture of `size` (columns, rows) pixels, row by row from the top, from rounds of
+    /// `each` paths a pixel.
     ///
     /// # Errors
     /// [`crate::Error::Usage`] for a camera that looks nowhere, and a stop that was asked for.
-    pub fn picture(&self, camera: &Camera, size: [usize; 2], paths: u32, seed: u64) -> Result<Sheet> {
+    pub fn picture(&self, camera: &Camera, size: [usize; 2], [rounds, each]: [u32; 2], seed: u64) -> Result<Sheet> {
         let [width, height] = size;
         let lens = Lens::new(camera, width, height)?;
-        self.sheet(width * height, paths, seed, |k, [x, y]| lens.ray((k % width) as f64 + x, (k / width) as f64 + y))
+        self.sheet(width * height, [rounds, each], seed, |k, [x, y]| {
+            lens.ray((k % width) as f64 + x, (k / width) as f64 + y)
+        })
     }
 }
-
-/// Rounds of a place, from whose scatter its variance is estimated.
-const ROUNDS: u32 = 8;

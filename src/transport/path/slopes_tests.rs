@@ -15,7 +15,7 @@ fn along(world: &World, of: &[Of], from: DVec3, to: DVec3, paths: u32) -> Vec<(f
     let camera = Camera { eye: from, target: to, up: DVec3::new(0.3, 0.8, 0.1), fov_y_deg: 1e-6 };
     let rounds: Vec<Vec<f64>> = (0..16)
         .map(|k| {
-            let sheet = slopes.picture(&camera, [1, 1], paths / 16, k).unwrap();
+            let sheet = slopes.picture(&camera, [1, 1], [8, paths / 128], k).unwrap();
             std::iter::once(sheet.mean[0][1]).chain(sheet.slopes.iter().map(|s| s[1])).collect()
         })
         .collect();

@@ -1,0 +1,67 @@
+//! `mesophyll fit scene SCENE -o DIR`.
+
+use crate::Result;
+use crate::{Common, place};
+use mesophyll_fit_scene::{Options, summary};
+use mesophyll_manifest::Manifest;
+use mesophyll_placed::fits::missing::input_hash;
+use mesophyll_placed::leaf::Search;
+use mesophyll_placed::ledger::Ledger;
+use mesophyll_scene::loaded::Scene;
+use std::path::PathBuf;
+
+/// Finds what leaves, ground and light of a scene are, from linear pictures of it.
+///
+/// The scene states geometry, cameras and values to start from. [[picture]] tables say what was measured, [unknown] which
+/// numbers are unknown. Light is followed through all scatterings between leaves. DIR gets fit.toml (each number with its
+/// standard error, or why the pictures do not determine it), residual-VIEW.exr, trace.csv, and scene.toml: the scene with
+/// what was found.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example of the tables:
+  [[picture]]
+  view = \"across\"           the perspective view whose camera took it
+  file = \"across.exr\"       linear R, G, B in the scene's units, and error.R, error.G, error.B where there are any
+  noise = 0.01              relative standard deviation, for a file without errors
+  mask = \"mask.exr\"         pixels that count, where not all do
+  exposure = \"camera-1\"     an unknown factor that pictures with this name share
+  held_out = true           only predicted, to judge the fit
+
+  [unknown]
+  leaves = { a = [\"rho_d\", \"rho_t\", \"rho_s\", \"m\"] }
+  ground = [\"albedo\"]
+  sky = [\"scale\", \"turbidity\"]
+  sun = [\"irradiance\"]
+
+Exit code 1 when the pictures are not explained: by geometry, a camera or a light that is not as stated.")]
+pub struct Args {
+    /// Scene with [[picture]] and [unknown]
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder to write
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    output: PathBuf,
+    /// Folder of an earlier run, whose fits of the scene's leaves are used
+    #[arg(long, value_name = "DIR", value_parser = place::folder())]
+    run: Option<PathBuf>,
+    /// Most paths a pixel of a step's pictures; fewer are followed where the measurement is coarser
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=65_536))]
+    samples: u32,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 32))]
+    seed: u64,
+    /// Fit again although the folder already holds this very fit
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let manifest = Manifest::read(&args.scene)?;
+    manifest.require_pictures()?;
+    let ledger = Ledger::new();
+    let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let scene = Scene::open(manifest, search, &ledger)?;
+    scene.require_sound_fits(&ledger)?;
+    let options = Options { samples: args.samples, seed: args.seed, force: args.force };
+    let outcome = mesophyll_fit_scene::run(&scene, &args.output, &options, &ledger)?;
+    super::told(outcome, &args.output, common, summary)
+}

@@ -1,0 +1,460 @@
+//! Steps towards the numbers that explain the pictures.
+//!
+//! Pictures and derivatives are noisy. If both came from the same paths, their product would be biased, and so would the
+//! product of two derivatives. So residuals come from one set of paths, and derivatives from two others (J₁ and J₂):
+//!
+//! ```text
+//! g = (J₁ + J₂)ᵀ W r / 2        N = (J₁ᵀ W J₂ + J₂ᵀ W J₁) / 2        step = N⁻¹ g
+//! ```
+//! W is the inverse of the measurement's variance and the picture's own together, both by the paths of the derivatives: by
+//! those of the residuals, weights would be large where the picture happens to be dark. Once steps are no larger than
+//! noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
+
+use crate::numbers::{Kind, Numbers};
+use crate::taken::{Shot, Use};
+use crate::{Options, Result};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_solve::decompose::symmetric_eigen;
+use mesophyll_solve::{Termination, TraceRow};
+use mesophyll_transport::path::slopes::{Of, Sheet, Slopes};
+use mesophyll_transport::path::{Paths, Tracer};
+use nalgebra::{DMatrix, DVector};
+use std::time::Instant;
+
+/// Paths a pixel of the first step, and at most.
+const PATHS: u32 = 16;
+/// Most steps.
+const STEPS: usize = 24;
+/// The pictures' own noise is to be at most this share of the measurement's.
+const OWN: f64 = 1.0 / 3.0;
+/// Two estimates from paths of their own differ by twice their variance; a mean square of steps over variances up to
+/// this is no more than that.
+const NOISE_ALONE: f64 = 3.0;
+/// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the picture
+/// that residuals are of has twice as many.
+const ROUNDS: u32 = 16;
+/// A pixel's own noise is estimated from its rounds, and from as many rounds as this with the mean noise of its
+/// neighbours: a bright path that none of its rounds found may have been found there.
+const PRIOR: f64 = 2.0;
+/// Paths grow by this factor at most from one step to the next.
+const GROWTH: f64 = 16.0;
+/// The largest relative step after which derivatives are those of before.
+const NEAR: f64 = 0.02;
+/// Readings farther from the picture than this many standard errors are wild, where they are few.
+const WILD: f64 = 6.0;
+/// The largest share of wild readings; more of them are a wrong model.
+const FEW: f64 = 0.05;
+/// Standard errors beyond which a reflectance, or the logarithm of a factor, counts as not determined.
+const UNKNOWN: f64 = 0.25;
+
+/// One reading, compared with the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Compared {
+    /// Index of the picture, of its pixel, and the channel.
+    pub at: [usize; 3],
+    /// Reading less picture, over the standard error of both.
+    pub residual: f64,
+    /// That standard error.
+    pub error: f64,
+    /// What the picture shows.
+    pub shown: f64,
+    /// What the reading is used for.
+    pub of: Use,
+}
+
+/// The end of the search.
+pub struct Found {
+    /// Covariance of the numbers, of those that are determined; infinite on the diagonal of others.
+    pub covariance: DMatrix<f64>,
+    /// Why each number is not determined.
+    pub undetermined: Vec<Option<String>>,
+    /// Readings compared with pictures of other paths than the steps'.
+    pub compared: Vec<Compared>,
+    /// Why the search ended.
+    pub termination: Termination,
+    /// One row a step.
+    pub trace: Vec<TraceRow>,
+    /// Paths a pixel of the last pictures.
+    pub paths: u32,
+    /// Median of the pictures' own noise over the measurement's.
+    pub own_noise: f64,
+    /// Number of wild readings that were left out.
+    pub wild: usize,
+}
+
+/// What a step is made of.
+struct Normal {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+    chi2: f64,
+    count: usize,
+    /// Median of own noise over the measurement's.
+    own: f64,
+    /// Every reading of the pictures that were drawn.
+    compared: Vec<Compared>,
+}
+
+/// Finds the numbers.
+///
+/// # Errors
+/// A stop that was asked for, and those of the scene's light.
+pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Result<Found> {
+    let clock = Instant::now();
+    let (_, n) = numbers.places();
+    let bar = Bar::of("steps");
+    let (mut paths, mut seed, mut trace) = (PATHS.min(options.samples), options.seed, Vec::new());
+    let (mut termination, mut wild) = (Termination::IterationLimit, None);
+    let mut last = None;
+    for iteration in 0..STEPS {
+        progress::go_on()?;
+        let normal = normal(numbers, shots, paths, seed)?;
+        seed += 3;
+        let (step, stderr) = step(numbers, &normal);
+        let before = numbers.values();
+        let after = moved(numbers, &before, &step);
+        numbers.set(&after);
+        let shares: Vec<f64> = (0..n).map(|k| (after[k] - before[k]) / stderr[k]).filter(|s| s.is_finite()).collect();
+        let square = shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64;
+        trace.push(TraceRow {
+            iteration,
+            evaluations: 3 * (iteration + 1),
+            elapsed_s: clock.elapsed().as_secs_f64(),
+            cost: 0.5 * normal.chi2,
+            gradient: normal.gradient.amax(),
+            step: square.sqrt(),
+            truth_error: None,
+        });
+        progress::say(format_args!(
+            "step {}: χ² {:.4} a reading, {paths} paths a pixel, {:.2} standard errors",
+            iteration + 1,
+            normal.chi2 / normal.count.max(1) as f64,
+            square.sqrt()
+        ));
+        bar.advance(1);
+        let own = normal.own;
+        last = Some(normal);
+        // A step that changes little changes the derivatives by as little.
+        let unit = unit(numbers);
+        let near = (0..n).all(|k| (after[k] - before[k]).abs() <= NEAR * unit[k].min(before[k].abs().max(0.02)));
+        let enough = own <= 1.1 * OWN || paths >= options.samples;
+        if square > NOISE_ALONE && !(near && enough && wild.is_some()) {
+            continue;
+        }
+        if wild.is_none() {
+            // Near the end, readings that nothing explains are left out once.
+            wild = last.as_ref().map(|normal| leave_out(shots, &normal.compared));
+        } else if enough {
+            termination = Termination::StepSmall;
+            break;
+        }
+        let wanted = f64::from(paths) * (own / OWN).powi(2).clamp(1.0, GROWTH);
+        paths = (wanted / 16.0).ceil().min(f64::from(u32::MAX / 16)) as u32 * 16;
+        paths = paths.min(options.samples);
+    }
+    let Some(normal) = last else { return Err(crate::Error::Missed("no step was made".into())) };
+    // The last step moved the numbers by no more than their errors, so its own pictures judge them: their paths had no
+    // part in the numbers that they were drawn with. Pictures that were kept from the fit are drawn now.
+    let mut compared = held_out(numbers, shots, paths, seed + 5)?;
+    let (covariance, undetermined) = covariance(numbers, &normal);
+    let wild = wild.unwrap_or(0);
+    let own_noise = normal.own;
+    compared.extend(normal.compared);
+    Ok(Found { covariance, undetermined, compared, termination, trace, paths, own_noise, wild })
+}
+
+/// Pictures and derivatives of the shots that `wanted` chooses, from rounds of `each` paths a pixel.
+fn draw(
+    numbers: &Numbers,
+    shots: &[Shot],
+    wanted: impl Fn(&Shot) -> bool,
+    of: &[Of],
+    [rounds, each]: [u32; 2],
+    seed: u64,
+) -> Result<Vec<Sheet>> {
+    let world = numbers.world()?;
+    let tracer = Tracer::new(&world, Paths::default())?;
+    let slopes = Slopes::new(&tracer, of);
+    let one = |(k, shot): (usize, &Shot)| match wanted(shot) {
+        true => slopes.picture(&shot.camera, shot.size, [rounds, each], seed ^ (k as u64) << 40),
+        false => Ok(Sheet::default()),
+    };
+    shots.iter().enumerate().map(one).collect()
+}
+
+/// Whether any pixel of a shot is fitted.
+fn is_fitted(shot: &Shot) -> bool {
+    shot.uses.contains(&Use::Fitted)
+}
+
+/// The factor of a shot.
+fn exposure(numbers: &Numbers, shot: &Shot) -> f64 {
+    let own = |kind: &Kind| matches!((kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b);
+    numbers.list.iter().find(|q| own(&q.kind)).map_or(1.0, |q| q.at[0])
+}
+
+/// Rounds and paths a round of half as many paths as these.
+fn rounds(paths: u32) -> [u32; 2] {
+    let half = (paths / 2).max(4);
+    let rounds = half.min(ROUNDS);
+    [rounds, half.div_ceil(rounds)]
+}
+
+/// Variances of the readings of a shot, and those of a picture of twice as many rounds as each of two others has, by
+/// which both are judged.
+fn variances(shot: &Shot, [one, two]: [&Sheet; 2], rounds: u32, factor: f64) -> Vec<[[f64; 3]; 2]> {
+    let [w, h] = shot.size;
+    let both = |k: usize| [0, 1, 2].map(|c| 0.25 * (one.variance[k][c] + two.variance[k][c]));
+    let around = |k: usize| {
+        let (x, y) = (k % w, k / w);
+        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        for j in y.saturating_sub(1)..=(y + 1).min(h - 1) {
+            for of in (x.saturating_sub(1)..=(x + 1).min(w - 1)).map(|i| both(j * w + i)) {
+                (0..3).for_each(|c| sum[c] += of[c]);
+                n += 1.0;
+            }
+        }
+        sum.map(|v| v / n)
+    };
+    let mean = |k: usize| [0, 1, 2].map(|c| 0.5 * (one.mean[k][c] + two.mean[k][c]));
+    let all = shot.seen.len().max(1) as f64;
+    let whole = [0, 1, 2].map(|c| (0..shot.seen.len()).map(|k| mean(k)[c]).sum::<f64>() / all);
+    // The mean of an inverse estimate is larger than the inverse of its mean.
+    let own_rounds = 2.0 * f64::from(rounds - 1);
+    let freedom = own_rounds + PRIOR;
+    let wider = freedom / (freedom - 2.0) * factor * factor;
+    (0..shot.seen.len())
+        .map(|k| {
+            let (mean, own, near) = (mean(k), both(k), around(k));
+            let own = [0, 1, 2].map(|c| (own_rounds * own[c] + PRIOR * near[c]) / freedom * wider);
+            // What is dark has at least a hundredth of the noise of the picture's mean.
+            let of = |c: usize| match &shot.error {
+                Some(error) => error[k][c].powi(2).max(1e-12 * (factor * whole[c]).powi(2)),
+                None => (shot.noise * factor * mean[c].max(0.01 * whole[c])).powi(2),
+            };
+            [[0, 1, 2].map(of), own]
+        })
+        .collect()
+}
+
+fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<Normal> {
+    let (first, n) = numbers.places();
+    let slopes = numbers.slopes()?;
+    let of: Vec<Of> = slopes.iter().map(|(_, of)| of.clone()).collect();
+    let [rounds, each] = rounds(paths);
+    let (a, one, two) = (
+        draw(numbers, shots, is_fitted, &[], [2 * rounds, each], seed)?,
+        draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 1)?,
+        draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 2)?,
+    );
+    let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    let (mut chi2, mut count, mut shares) = (0.0, 0, Vec::new());
+    let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
+    let mut compared = Vec::new();
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| is_fitted(shot)) {
+        let factor = exposure(numbers, shot);
+        let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
+        let by_exposure = numbers
+            .list
+            .iter()
+            .position(|q| matches!((&q.kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b));
+        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
+            let [measured, own] = variances[k];
+            for c in 0..3 {
+                let weight = 1.0 / (measured[c] + own[c]);
+                let r = shot.seen[k][c] - factor * a[s].mean[k][c];
+                // Where nothing is seen, nothing is learnt.
+                if !(weight.is_finite() && weight > 0.0) || shot.seen[k][c] == 0.0 && r == 0.0 {
+                    continue;
+                }
+                let (error, shown) = (1.0 / weight.sqrt(), factor * a[s].mean[k][c]);
+                compared.push(Compared { at: [s, k, c], residual: r / error, error, shown, of: shot.uses[k] });
+                if shot.uses[k] != Use::Fitted {
+                    continue;
+                }
+                row.clear();
+                for (j, (q, _)) in slopes.iter().enumerate() {
+                    let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
+                    let of = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
+                    let (p, q) = (of(&one[s]), of(&two[s]));
+                    if p != 0.0 || q != 0.0 {
+                        row.push((number, p, q));
+                    }
+                }
+                if let Some(q) = by_exposure {
+                    row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
+                }
+                for (i, p, q) in &row {
+                    gradient[*i] += 0.5 * (p + q) * weight * r;
+                    for (j, u, v) in &row {
+                        matrix[(*i, *j)] += 0.5 * weight * (p * v + q * u);
+                    }
+                }
+                chi2 += weight * r * r;
+                count += 1;
+                shares.push((own[c] / measured[c]).sqrt());
+            }
+        }
+    }
+    let middle = shares.len() / 2;
+    let own = if shares.is_empty() { 0.0 } else { *shares.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    Ok(Normal { matrix, gradient, chi2, count, own, compared })
+}
+
+/// The unit in which a number is uncertain at the start: 1 for a reflectance, its own size for a factor.
+fn unit(numbers: &Numbers) -> Vec<f64> {
+    let one = |q: &crate::numbers::Quantity| {
+        let factor = q.is_factor();
+        q.at.iter().map(move |v| if factor { v.abs().max(1e-9) } else { 1.0 }).collect::<Vec<f64>>()
+    };
+    numbers.list.iter().flat_map(one).collect()
+}
+
+/// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows where
+/// it is.
+fn step(numbers: &Numbers, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
+    let unit = unit(numbers);
+    let n = unit.len();
+    let mut matrix = normal.matrix.clone();
+    (0..n).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
+    let scale: Vec<f64> = (0..n).map(|k| 1.0 / matrix[(k, k)].max(1.0 / (unit[k] * unit[k])).sqrt()).collect();
+    let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (matrix[(i, j)] + matrix[(j, i)]) * scale[i] * scale[j]);
+    let Some(eigen) = symmetric_eigen(scaled) else { return (vec![0.0; n], vec![f64::INFINITY; n]) };
+    let right = DVector::from_fn(n, |k, _| normal.gradient[k] * scale[k]);
+    let mut out = DVector::zeros(n);
+    let mut variance = vec![0.0; n];
+    for (k, value) in eigen.eigenvalues.iter().enumerate() {
+        // While noise is large, a direction's curvature may come out negative; nothing is known of it then.
+        if *value > 1e-9 {
+            let v = eigen.eigenvectors.column(k);
+            out += v * (v.dot(&right) / value);
+            (0..n).for_each(|j| variance[j] += v[j] * v[j] / value);
+        }
+    }
+    let stderr = (0..n).map(|k| (variance[k]).sqrt() * scale[k]).collect();
+    ((0..n).map(|k| out[k] * scale[k]).collect(), stderr)
+}
+
+/// The numbers after a step, shortened where they would leave their limits or change much at once.
+fn moved(numbers: &Numbers, before: &[f64], step: &[f64]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(before.len());
+    for q in &numbers.list {
+        for _ in &q.at {
+            let k = out.len();
+            let most = if q.is_factor() { 0.6 * before[k].abs() } else { 0.3 };
+            let [low, high] = q.limits;
+            out.push((before[k] + step[k].clamp(-most, most)).clamp(low, high));
+        }
+    }
+    keep_energy(numbers, &mut out);
+    out
+}
+
+/// ρd and ρt of a side are less than 1 together: what both are too large by is taken from both.
+fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
+    let (first, _) = numbers.places();
+    let places: Vec<(usize, usize, bool)> = numbers
+        .list
+        .iter()
+        .zip(&first)
+        .filter_map(|(q, first)| match q.kind {
+            Kind::RhoD(leaf, _) => Some((leaf, *first, true)),
+            Kind::RhoT(leaf) => Some((leaf, *first, false)),
+            _ => None,
+        })
+        .collect();
+    for (leaf, d, _) in places.iter().filter(|p| p.2) {
+        for (_, t, _) in places.iter().filter(|p| !p.2 && p.0 == *leaf) {
+            for c in 0..3 {
+                let sum = values[d + c] + values[t + c];
+                if sum > 0.999 {
+                    (values[d + c], values[t + c]) = (values[d + c] * 0.999 / sum, values[t + c] * 0.999 / sum);
+                }
+            }
+        }
+    }
+}
+
+/// The readings of pictures that are kept from the fit as a whole.
+fn held_out(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<Vec<Compared>> {
+    let all = |shot: &Shot| !is_fitted(shot);
+    let [rounds, each] = rounds(paths);
+    let shown = draw(numbers, shots, all, &[], [2 * rounds, each], seed)?;
+    let one = draw(numbers, shots, all, &[], [rounds, each], seed + 7)?;
+    let two = draw(numbers, shots, all, &[], [rounds, each], seed + 8)?;
+    let mut out = Vec::new();
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| !is_fitted(shot)) {
+        let factor = exposure(numbers, shot);
+        let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
+        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
+            for c in 0..3 {
+                let error = (variances[k][0][c] + variances[k][1][c]).sqrt();
+                let shown = factor * shown[s].mean[k][c];
+                let residual = (shot.seen[k][c] - shown) / error;
+                if residual.is_finite() && (shot.seen[k][c] != 0.0 || shown != 0.0) {
+                    out.push(Compared { at: [s, k, c], residual, error, shown, of: shot.uses[k] });
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// Leaves pixels with wild readings out of the shots, where they are few, and returns how many readings are wild.
+fn leave_out(shots: &mut [Shot], compared: &[Compared]) -> usize {
+    let wild: Vec<&Compared> = compared.iter().filter(|c| c.residual.abs() > WILD).collect();
+    if wild.len() as f64 > FEW * compared.len() as f64 {
+        return 0;
+    }
+    wild.iter().for_each(|c| shots[c.at[0]].uses[c.at[1]] = Use::Out);
+    wild.len()
+}
+
+/// The covariance of the numbers, and why some are not determined.
+fn covariance(numbers: &Numbers, normal: &Normal) -> (DMatrix<f64>, Vec<Option<String>>) {
+    let (unit, names) = (unit(numbers), names(numbers));
+    let n = unit.len();
+    let mut out: DMatrix<f64> = DMatrix::zeros(n, n);
+    let mut why: Vec<Option<String>> = vec![None; n];
+    let scale: Vec<f64> = (0..n).map(|k| 1.0 / normal.matrix[(k, k)].max(1e-300).sqrt()).collect();
+    for k in 0..n {
+        if !(normal.matrix[(k, k)] * unit[k] * unit[k] > 1.0 / (UNKNOWN * UNKNOWN)) {
+            why[k] = Some("the pictures hardly depend on it".into());
+        }
+    }
+    let seen: Vec<usize> = (0..n).filter(|k| why[*k].is_none()).collect();
+    let m = seen.len();
+    let scaled = DMatrix::from_fn(m, m, |i, j| {
+        let (i, j) = (seen[i], seen[j]);
+        0.5 * (normal.matrix[(i, j)] + normal.matrix[(j, i)]) * scale[i] * scale[j]
+    });
+    if let Some(eigen) = symmetric_eigen(scaled).filter(|_| m > 0) {
+        for (k, value) in eigen.eigenvalues.iter().enumerate() {
+            let v = eigen.eigenvectors.column(k);
+            for i in 0..m {
+                for j in 0..m {
+                    out[(seen[i], seen[j])] += v[i] * v[j] / value.max(1e-12) * scale[seen[i]] * scale[seen[j]];
+                }
+            }
+        }
+    }
+    for &k in &seen {
+        if !(out[(k, k)].sqrt() <= UNKNOWN * unit[k]) {
+            let with = |j: &&usize| (out[(k, **j)] / (out[(k, k)] * out[(**j, **j)]).sqrt()).abs();
+            let others = seen.iter().filter(|j| **j != k && with(j) > 0.9);
+            let others: Vec<&str> = others.map(|j| names[*j].as_str()).take(4).collect();
+            why[k] = Some(match others.is_empty() {
+                true => "the pictures hardly depend on it".into(),
+                false => format!("the pictures show it only together with {}", others.join(", ")),
+            });
+        }
+    }
+    for k in (0..n).filter(|k| why[*k].is_some()) {
+        out[(k, k)] = f64::INFINITY;
+    }
+    (out, why)
+}
+
+/// Names of all numbers.
+pub fn names(numbers: &Numbers) -> Vec<String> {
+    numbers.list.iter().flat_map(|q| q.names()).collect()
+}
