@@ -52,7 +52,7 @@
 //! ```text
 //! 12  main
 //! 11  cli           python
-//! 10  report        check
+//! 10  report        check       fit_scene
 //! 9   scene
 //! 8   proof         placed      export
 //! 7   manifest
@@ -74,6 +74,7 @@ pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
 pub use mesophyll_fit_branch as fit_branch;
 pub use mesophyll_fit_grass as fit_grass;
+pub use mesophyll_fit_scene as fit_scene;
 pub use mesophyll_fit_sky as fit_sky;
 pub use mesophyll_fit_translucency as fit_translucency;
 pub use mesophyll_flora as flora;

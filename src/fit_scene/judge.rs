@@ -1,8 +1,10 @@
-//! What the record says of a fit: numbers with errors, how well they explain the pictures, and pictures of what is left.
+//! What the record says of a fit: numbers with errors, how well they explain the pictures, and pictures of what is
+//! left.
 
 use crate::Result;
+use crate::covariance::names;
 use crate::numbers::Numbers;
-use crate::steps::{Compared, Found, names};
+use crate::steps::{Compared, Found};
 use crate::taken::{Shot, Use};
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_record::fault::{Fault, Grade};
@@ -15,8 +17,8 @@ use std::path::Path;
 const BLOCK: usize = 8;
 /// χ² that lies this many standard deviations too high accuses the model.
 const SCORE: f64 = 3.3;
-/// A reduced χ² below this is no reason, however many readings there are: of what was fitted, and of what was held back,
-/// which the errors of the numbers spread too.
+/// A reduced χ² below this is no reason, however many readings there are: of what was fitted, and of what was held
+/// back, which the errors of the numbers spread too.
 const EXCESS: f64 = 1.05;
 const EXCESS_UNSEEN: f64 = 1.5;
 
@@ -79,9 +81,9 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
             name: "scene-model".into(),
             grade: Grade::Wrong,
             says: format!(
-                "the scene does not explain the pictures: what is left of them is {:.1} times what noise leaves (means of \
-                 {BLOCK} x {BLOCK} pixels); geometry, a camera, a light or something that no unknown covers is not as \
-                 stated, and the residual pictures show where",
+                "the scene does not explain the pictures: what is left of them is {:.1} times what noise leaves (means \
+                 of {BLOCK} x {BLOCK} pixels); geometry, a camera, a light or something that no unknown covers is not \
+                 as stated, and the residual pictures show where",
                 worst.sqrt()
             ),
             ..Fault::default()

@@ -1,4 +1,5 @@
-//! `fit scene`: what leaves, ground and light of a scene are, from pictures of it, by gradients through the path tracer.
+//! `fit scene`: what leaves, ground and light of a scene are, from pictures of it, by gradients through the path
+//! tracer.
 //!
 //! The scene states geometry, cameras and starting values; pictures are linear radiance. Light is followed through all
 //! scatterings between leaves, and each path carries the derivatives by the unknown numbers
@@ -9,6 +10,7 @@
 // A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod covariance;
 mod judge;
 mod numbers;
 mod scene_file;
@@ -50,8 +52,8 @@ pub const TRACE: &str = "trace.csv";
 /// Finds the unknown numbers of `scene` and writes them into the folder `out`.
 ///
 /// # Errors
-/// [`Error::Input`] for tables or pictures that cannot be used, before anything is drawn; [`Error::Interrupted`] after a
-/// stop; what [`maker::make`] gives.
+/// [`Error::Input`] for tables or pictures that cannot be used, before anything is drawn; [`Error::Interrupted`] after
+/// a stop; what [`maker::make`] gives.
 pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Result<Outcome> {
     let manifest = &scene.manifest;
     manifest.require_pictures()?;

@@ -1,16 +1,17 @@
 //! Steps towards the numbers that explain the pictures.
 //!
-//! Pictures and derivatives are noisy. If both came from the same paths, their product would be biased, and so would the
-//! product of two derivatives. So residuals come from one set of paths, and derivatives from two others (J₁ and J₂):
+//! Pictures and derivatives are noisy. If both came from the same paths, their product would be biased, and so would
+//! the product of two derivatives. So residuals come from one set of paths, derivatives from two others (J₁ and J₂):
 //!
 //! ```text
 //! g = (J₁ + J₂)ᵀ W r / 2        N = (J₁ᵀ W J₂ + J₂ᵀ W J₁) / 2        step = N⁻¹ g
 //! ```
-//! W is the inverse of the measurement's variance and the picture's own together, both by the paths of the derivatives: by
-//! those of the residuals, weights would be large where the picture happens to be dark. Once steps are no larger than
-//! noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
+//! W is the inverse of the measurement's variance and the picture's own together, both by the paths of the derivatives:
+//! by those of the residuals, weights would be large where the picture happens to be dark. Once steps are no larger
+//! than noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
 
-use crate::numbers::{Kind, Numbers};
+use crate::covariance::{covariance, unit};
+use crate::numbers::{Kind, Numbers, Quantity};
 use crate::taken::{Shot, Use};
 use crate::{Options, Result};
 use mesophyll_files::progress::{self, Bar};
@@ -30,23 +31,25 @@ const OWN: f64 = 1.0 / 3.0;
 /// Two estimates from paths of their own differ by twice their variance; a mean square of steps over variances up to
 /// this is no more than that.
 const NOISE_ALONE: f64 = 3.0;
-/// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the picture
-/// that residuals are of has twice as many.
+/// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the
+/// picture that residuals are of has twice as many.
 const ROUNDS: u32 = 16;
 /// A pixel's own noise is estimated from its rounds, and from as many rounds as this with the mean noise of its
 /// neighbours: a bright path that none of its rounds found may have been found there.
 const PRIOR: f64 = 2.0;
 /// Paths grow by this factor at most from one step to the next.
 const GROWTH: f64 = 16.0;
+/// After so many steps that are larger than noise makes them, four times as many paths are followed.
+const PATIENCE: usize = 4;
+/// Readings farther from the picture than this many times the typical residual count less (Huber 1964): a path's light
+/// has no normal distribution, and rare bright paths would pull at the numbers.
+const TYPICAL: f64 = 4.0;
 /// The largest relative step after which derivatives are those of before.
 const NEAR: f64 = 0.02;
 /// Readings farther from the picture than this many standard errors are wild, where they are few.
 const WILD: f64 = 6.0;
 /// The largest share of wild readings; more of them are a wrong model.
 const FEW: f64 = 0.05;
-/// Standard errors beyond which a reflectance, or the logarithm of a factor, counts as not determined.
-const UNKNOWN: f64 = 0.25;
-
 /// One reading, compared with the picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Compared {
@@ -104,7 +107,7 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
     let bar = Bar::of("steps");
     let (mut paths, mut seed, mut trace) = (PATHS.min(options.samples), options.seed, Vec::new());
     let (mut termination, mut wild) = (Termination::IterationLimit, None);
-    let mut last = None;
+    let (mut last, mut since) = (None, 0);
     for iteration in 0..STEPS {
         progress::go_on()?;
         let normal = normal(numbers, shots, paths, seed)?;
@@ -137,9 +140,14 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
         let unit = unit(numbers);
         let near = (0..n).all(|k| (after[k] - before[k]).abs() <= NEAR * unit[k].min(before[k].abs().max(0.02)));
         let enough = own <= 1.1 * OWN || paths >= options.samples;
+        since += 1;
         if square > NOISE_ALONE && !(near && enough && wild.is_some()) {
+            if since >= PATIENCE && !enough {
+                (paths, since) = (paths.saturating_mul(4).min(options.samples), 0);
+            }
             continue;
         }
+        since = 0;
         if wild.is_none() {
             // Near the end, readings that nothing explains are left out once.
             wild = last.as_ref().map(|normal| leave_out(shots, &normal.compared));
@@ -155,7 +163,7 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
     // The last step moved the numbers by no more than their errors, so its own pictures judge them: their paths had no
     // part in the numbers that they were drawn with. Pictures that were kept from the fit are drawn now.
     let mut compared = held_out(numbers, shots, paths, seed + 5)?;
-    let (covariance, undetermined) = covariance(numbers, &normal);
+    let (covariance, undetermined) = covariance(numbers, &normal.matrix);
     let wild = wild.unwrap_or(0);
     let own_noise = normal.own;
     compared.extend(normal.compared);
@@ -227,9 +235,9 @@ fn variances(shot: &Shot, [one, two]: [&Sheet; 2], rounds: u32, factor: f64) -> 
             let (mean, own, near) = (mean(k), both(k), around(k));
             let own = [0, 1, 2].map(|c| (own_rounds * own[c] + PRIOR * near[c]) / freedom * wider);
             // What is dark has at least a hundredth of the noise of the picture's mean.
-            let of = |c: usize| match &shot.error {
-                Some(error) => error[k][c].powi(2).max(1e-12 * (factor * whole[c]).powi(2)),
-                None => (shot.noise * factor * mean[c].max(0.01 * whole[c])).powi(2),
+            let of = |c: usize| {
+                let stated = shot.error.as_ref().map_or(0.0, |error| error[k][c].max(1e-6 * factor * whole[c]));
+                stated.powi(2) + (shot.noise * factor * mean[c].max(0.01 * whole[c])).powi(2)
             };
             [[0, 1, 2].map(of), own]
         })
@@ -246,52 +254,54 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
         draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 1)?,
         draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 2)?,
     );
-    let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
-    let (mut chi2, mut count, mut shares) = (0.0, 0, Vec::new());
-    let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
-    let mut compared = Vec::new();
+    let (mut chi2, mut count, mut shares, mut compared) = (0.0, 0, Vec::new(), Vec::new());
     for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| is_fitted(shot)) {
         let factor = exposure(numbers, shot);
         let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
-        let by_exposure = numbers
-            .list
-            .iter()
-            .position(|q| matches!((&q.kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b));
         for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
             let [measured, own] = variances[k];
             for c in 0..3 {
-                let weight = 1.0 / (measured[c] + own[c]);
-                let r = shot.seen[k][c] - factor * a[s].mean[k][c];
+                let error = (measured[c] + own[c]).sqrt();
+                let shown = factor * a[s].mean[k][c];
+                let r = shot.seen[k][c] - shown;
                 // Where nothing is seen, nothing is learnt.
-                if !(weight.is_finite() && weight > 0.0) || shot.seen[k][c] == 0.0 && r == 0.0 {
+                if !(error.is_finite() && error > 0.0) || shot.seen[k][c] == 0.0 && r == 0.0 {
                     continue;
                 }
-                let (error, shown) = (1.0 / weight.sqrt(), factor * a[s].mean[k][c]);
-                compared.push(Compared { at: [s, k, c], residual: r / error, error, shown, of: shot.uses[k] });
-                if shot.uses[k] != Use::Fitted {
-                    continue;
+                let of = shot.uses[k];
+                compared.push(Compared { at: [s, k, c], residual: r / error, error, shown, of });
+                if of == Use::Fitted {
+                    chi2 += (r / error).powi(2);
+                    count += 1;
+                    shares.push((own[c] / measured[c]).sqrt());
                 }
-                row.clear();
-                for (j, (q, _)) in slopes.iter().enumerate() {
-                    let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
-                    let of = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
-                    let (p, q) = (of(&one[s]), of(&two[s]));
-                    if p != 0.0 || q != 0.0 {
-                        row.push((number, p, q));
-                    }
-                }
-                if let Some(q) = by_exposure {
-                    row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
-                }
-                for (i, p, q) in &row {
-                    gradient[*i] += 0.5 * (p + q) * weight * r;
-                    for (j, u, v) in &row {
-                        matrix[(*i, *j)] += 0.5 * weight * (p * v + q * u);
-                    }
-                }
-                chi2 += weight * r * r;
-                count += 1;
-                shares.push((own[c] / measured[c]).sqrt());
+            }
+        }
+    }
+    let limit = TYPICAL * typical(&compared).max(1.0);
+    let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
+    for reading in compared.iter().filter(|c| c.of == Use::Fitted) {
+        let ([s, k, c], shot) = (reading.at, &shots[reading.at[0]]);
+        let factor = exposure(numbers, shot);
+        row.clear();
+        for (j, (q, _)) in slopes.iter().enumerate() {
+            let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
+            let by = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
+            let (p, q) = (by(&one[s]), by(&two[s]));
+            if p != 0.0 || q != 0.0 {
+                row.push((number, p, q));
+            }
+        }
+        let own = |q: &Quantity| matches!((&q.kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b);
+        if let Some(q) = numbers.list.iter().position(own) {
+            row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
+        }
+        let weight = (limit / reading.residual.abs()).min(1.0) / (reading.error * reading.error);
+        for (i, p, q) in &row {
+            gradient[*i] += 0.5 * (p + q) * weight * reading.residual * reading.error;
+            for (j, u, v) in &row {
+                matrix[(*i, *j)] += 0.5 * weight * (p * v + q * u);
             }
         }
     }
@@ -300,17 +310,15 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
     Ok(Normal { matrix, gradient, chi2, count, own, compared })
 }
 
-/// The unit in which a number is uncertain at the start: 1 for a reflectance, its own size for a factor.
-fn unit(numbers: &Numbers) -> Vec<f64> {
-    let one = |q: &crate::numbers::Quantity| {
-        let factor = q.is_factor();
-        q.at.iter().map(move |v| if factor { v.abs().max(1e-9) } else { 1.0 }).collect::<Vec<f64>>()
-    };
-    numbers.list.iter().flat_map(one).collect()
+/// The size of a typical residual: the median, over that of a normal distribution.
+fn typical(compared: &[Compared]) -> f64 {
+    let mut all: Vec<f64> = compared.iter().map(|c| c.residual.abs()).collect();
+    let middle = all.len() / 2;
+    if all.is_empty() { 1.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_5 }
 }
 
-/// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows where
-/// it is.
+/// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows
+/// where it is.
 fn step(numbers: &Numbers, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
     let unit = unit(numbers);
     let n = unit.len();
@@ -407,54 +415,4 @@ fn leave_out(shots: &mut [Shot], compared: &[Compared]) -> usize {
     }
     wild.iter().for_each(|c| shots[c.at[0]].uses[c.at[1]] = Use::Out);
     wild.len()
-}
-
-/// The covariance of the numbers, and why some are not determined.
-fn covariance(numbers: &Numbers, normal: &Normal) -> (DMatrix<f64>, Vec<Option<String>>) {
-    let (unit, names) = (unit(numbers), names(numbers));
-    let n = unit.len();
-    let mut out: DMatrix<f64> = DMatrix::zeros(n, n);
-    let mut why: Vec<Option<String>> = vec![None; n];
-    let scale: Vec<f64> = (0..n).map(|k| 1.0 / normal.matrix[(k, k)].max(1e-300).sqrt()).collect();
-    for k in 0..n {
-        if !(normal.matrix[(k, k)] * unit[k] * unit[k] > 1.0 / (UNKNOWN * UNKNOWN)) {
-            why[k] = Some("the pictures hardly depend on it".into());
-        }
-    }
-    let seen: Vec<usize> = (0..n).filter(|k| why[*k].is_none()).collect();
-    let m = seen.len();
-    let scaled = DMatrix::from_fn(m, m, |i, j| {
-        let (i, j) = (seen[i], seen[j]);
-        0.5 * (normal.matrix[(i, j)] + normal.matrix[(j, i)]) * scale[i] * scale[j]
-    });
-    if let Some(eigen) = symmetric_eigen(scaled).filter(|_| m > 0) {
-        for (k, value) in eigen.eigenvalues.iter().enumerate() {
-            let v = eigen.eigenvectors.column(k);
-            for i in 0..m {
-                for j in 0..m {
-                    out[(seen[i], seen[j])] += v[i] * v[j] / value.max(1e-12) * scale[seen[i]] * scale[seen[j]];
-                }
-            }
-        }
-    }
-    for &k in &seen {
-        if !(out[(k, k)].sqrt() <= UNKNOWN * unit[k]) {
-            let with = |j: &&usize| (out[(k, **j)] / (out[(k, k)] * out[(**j, **j)]).sqrt()).abs();
-            let others = seen.iter().filter(|j| **j != k && with(j) > 0.9);
-            let others: Vec<&str> = others.map(|j| names[*j].as_str()).take(4).collect();
-            why[k] = Some(match others.is_empty() {
-                true => "the pictures hardly depend on it".into(),
-                false => format!("the pictures show it only together with {}", others.join(", ")),
-            });
-        }
-    }
-    for k in (0..n).filter(|k| why[*k].is_some()) {
-        out[(k, k)] = f64::INFINITY;
-    }
-    (out, why)
-}
-
-/// Names of all numbers.
-pub fn names(numbers: &Numbers) -> Vec<String> {
-    numbers.list.iter().flat_map(|q| q.names()).collect()
 }

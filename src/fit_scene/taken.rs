@@ -27,9 +27,9 @@ pub struct Shot {
     pub size: [usize; 2],
     /// Readings, a channel each.
     pub seen: Vec<[f64; 3]>,
-    /// Standard errors of the readings; `None` where they are a share of what the scene shows.
+    /// Standard errors that the file states.
     pub error: Option<Vec<[f64; 3]>>,
-    /// That share.
+    /// Further errors, as a share of what the scene shows; both add as squares.
     pub noise: f64,
     /// What each reading is used for.
     pub uses: Vec<Use>,
@@ -129,7 +129,7 @@ fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<S
     for (i, own) in uses.iter_mut().enumerate().filter(|(_, own)| **own == Use::Fitted) {
         // A number without order, so that held-out pixels lie everywhere.
         let mixed = (i as u64 ^ (k as u64) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
-        if taken.held_out || mixed % HELD == 0 {
+        if taken.held_out || mixed.is_multiple_of(HELD) {
             *own = Use::Held;
         }
     }

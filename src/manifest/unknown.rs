@@ -15,7 +15,7 @@ pub struct Taken {
     /// Linear radiance in the scene's units: OpenEXR with R, G, B, and the standard errors error.R, error.G, error.B
     /// where there are any.
     pub file: PathBuf,
-    /// Relative standard deviation of a pixel, for a file without errors.
+    /// Relative standard deviation of a pixel, for a file without errors; beside errors both add as squares.
     pub noise: Option<f64>,
     /// A picture of the same size; pixels where its first channel is at least ½ count. All count when absent.
     pub mask: Option<PathBuf>,

@@ -12,16 +12,16 @@ use std::path::PathBuf;
 
 /// Finds what leaves, ground and light of a scene are, from linear pictures of it.
 ///
-/// The scene states geometry, cameras and values to start from. [[picture]] tables say what was measured, [unknown] which
-/// numbers are unknown. Light is followed through all scatterings between leaves. DIR gets fit.toml (each number with its
-/// standard error, or why the pictures do not determine it), residual-VIEW.exr, trace.csv, and scene.toml: the scene with
-/// what was found.
+/// The scene states geometry, cameras and values to start from. [[picture]] tables say what was measured, [unknown]
+/// which numbers are unknown. Light is followed through all scatterings between leaves. DIR gets fit.toml (each number
+/// with its standard error, or why the pictures do not determine it), residual-VIEW.exr, trace.csv, and scene.toml: the
+/// scene with what was found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example of the tables:
   [[picture]]
   view = \"across\"           the perspective view whose camera took it
   file = \"across.exr\"       linear R, G, B in the scene's units, and error.R, error.G, error.B where there are any
-  noise = 0.01              relative standard deviation, for a file without errors
+  noise = 0.01              relative standard deviation; beside errors in the file both add as squares
   mask = \"mask.exr\"         pixels that count, where not all do
   exposure = \"camera-1\"     an unknown factor that pictures with this name share
   held_out = true           only predicted, to judge the fit

@@ -246,7 +246,7 @@ impl<'a> Scatter<'a> {
         }
     }
 
-    /// What [`Scatter::times_cosine`] multiplies ρd, ρt and ρs by (1/sr), and the derivative of the last by the slope m.
+    /// What [`Scatter::times_cosine`] multiplies ρd, ρt and ρs by (1/sr), and the last one's derivative by the slope m.
     pub fn lobes(&self, l: DVec3) -> [f64; 4] {
         if !self.faces(l) {
             return [0.0, self.far_normal.dot(l).max(0.0) / PI, 0.0, 0.0];

@@ -247,8 +247,8 @@ impl<'a> Slopes<'a> {
         self.light(out, carried, of_sky, self.unit([0, 1, 2].map(|c| all[c] - sky[c])));
     }
 
-    /// Adds the derivatives by the light's own numbers. `through` is what the path lets through, `sky` the derivative of
-    /// the sky's part, and `sun` what a sun of irradiance 1 would give.
+    /// Adds the derivatives by the light's own numbers. `through` is what the path lets through, `sky` the derivative
+    /// of the sky's part, and `sun` what a sun of irradiance 1 would give.
     fn light(&self, out: &mut Brought, through: [f64; 3], sky: impl Fn(Option<&RadianceAt>) -> [f64; 3], sun: f64) {
         for (k, of) in self.of.iter().enumerate() {
             if let Of::Light { sky: by_sky, sun: by_sun } = of {
@@ -265,7 +265,8 @@ impl<'a> Slopes<'a> {
         if irradiance[most] > 0.0 { lit[most] / irradiance[most] } else { 0.0 }
     }
 
-    /// Means over rounds of `each` paths from each of `count` places. `ray` gives a place's ray for two uniform numbers.
+    /// Means over rounds of `each` paths from each of `count` places. `ray` gives a place's ray for two uniform
+    /// numbers.
     fn sheet(
         &self,
         count: usize,

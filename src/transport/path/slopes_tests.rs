@@ -63,8 +63,8 @@ fn plates_have_the_derivatives_of_their_closed_form() {
     }
 }
 
-/// A crowd of glossy leaves over a ground, under a sun and a sky: each derivative against the difference of two radiances
-/// that were traced without any.
+/// A crowd of glossy leaves over a ground, under a sun and a sky: each derivative against the difference of two
+/// radiances that were traced without any.
 #[test]
 fn sun_gloss_and_ground_agree_with_differences() {
     let world = |x: [f64; 6]| {
