@@ -5,7 +5,8 @@ use crate::Result;
 use crate::covariance::names;
 use crate::numbers::Numbers;
 use crate::steps::{Compared, Found};
-use crate::taken::{Shot, Use};
+use crate::taken::{By, Shot, Use};
+use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_record::fault::{Fault, Grade};
 use mesophyll_record::{FitRecord, Param, Residuals, Section};
@@ -143,11 +144,34 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     section
 }
 
+/// Writes, for each table of reflectance factors, what the scene shows and what is left of the readings in standard
+/// errors. Returns the files' names.
+pub fn residual_tables(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<String>> {
+    let mut files = Vec::new();
+    for (s, shot) in shots.iter().enumerate() {
+        let By::Directions(toward) = &shot.by else { continue };
+        let mut rows = vec![[f64::NAN; 6]; toward.len()];
+        for c in found.compared.iter().filter(|c| c.at[0] == s) {
+            (rows[c.at[1]][c.at[2]], rows[c.at[1]][3 + c.at[2]]) = (c.shown, c.residual);
+        }
+        let mut text =
+            String::from("view_zenith_deg,view_azimuth_deg,brf_r,brf_g,brf_b,residual_r,residual_g,residual_b\n");
+        for (angles, row) in toward.iter().zip(rows) {
+            let cells = angles.iter().map(|a| format!("{:.4}", a.to_degrees())).chain(row.map(|v| format!("{v:.6}")));
+            text += &format!("{}\n", cells.collect::<Vec<_>>().join(","));
+        }
+        let file = format!("residual-{}.csv", shot.name);
+        atomic::write_bytes(&out.join(&file), text.as_bytes())?;
+        files.push(file);
+    }
+    Ok(files)
+}
+
 /// Writes, for each picture, what the scene shows (R, G, B) and what is left of the reading in standard errors
 /// (`residual.R`, …; not a number where a pixel does not count). Returns the files' names.
 pub fn residual_pictures(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<String>> {
     let mut files = Vec::new();
-    for (s, shot) in shots.iter().enumerate() {
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| matches!(shot.by, By::Camera(_))) {
         let pixels = shot.seen.len();
         let mut planes = vec![vec![f32::NAN; pixels]; 6];
         for c in found.compared.iter().filter(|c| c.at[0] == s) {

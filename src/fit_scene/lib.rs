@@ -11,6 +11,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod covariance;
+mod drawn;
 mod judge;
 mod numbers;
 mod scene_file;
@@ -27,6 +28,7 @@ use mesophyll_record::maker::{self, Maker, Outcome};
 use mesophyll_record::{FitKind, FitRecord, Section};
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::Scene;
+use mesophyll_transport::path::Canopy;
 use numbers::Numbers;
 use std::path::{Path, PathBuf};
 use taken::Shot;
@@ -59,15 +61,23 @@ pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Res
     manifest.require_pictures()?;
     let shots = taken::read(manifest)?;
     let world = reference::traced(scene, manifest.rest_time(), ledger)?;
+    if !manifest.factors.is_empty() {
+        Canopy::new(&world, options.seed).map_err(|what| Error::input(&manifest.path, what))?;
+        let dark = world.sun.as_ref().is_none_or(|sun| sun.irradiance.iter().any(|e| !(*e > 0.0)));
+        if dark {
+            let what = "found a channel with 0, expected a sun that shines in all three, as reflectance factors need";
+            return Err(Error::field(&manifest.path, "sun.irradiance", what));
+        }
+    }
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
     let numbers = Numbers::new(scene, world, &groups)?;
     let hash = input_hash(manifest, options)?;
     let (manifest, options) = (manifest.clone(), *options);
-    let inputs: Vec<PathBuf> = std::iter::once(manifest.path.clone())
-        .chain(manifest.taken.iter().map(|t| manifest.resolve(&t.file)))
-        .collect();
+    let read = manifest.taken.iter().map(|t| &t.file).chain(manifest.factors.iter().map(|f| &f.file));
+    let inputs: Vec<PathBuf> =
+        std::iter::once(manifest.path.clone()).chain(read.map(|file| manifest.resolve(file))).collect();
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     maker::make(FitKind::Scene, out, &inputs, move |maker| fit(&manifest, numbers, shots, &hash, &options, maker))
 }
@@ -95,6 +105,7 @@ fn fit(
     maker.times.traces.insert("steps".into(), found.trace.clone());
     let out = maker.begin()?.to_path_buf();
     let mut files = judge::residual_pictures(&shots, &found, &out)?;
+    files.extend(judge::residual_tables(&shots, &found, &out)?);
     atomic::write_bytes(&out.join(SCENE), scene_file::found(manifest, &numbers, &out)?.as_bytes())?;
     files.push(SCENE.into());
     let mut text = String::from("step,paths_seconds,half_chi2,largest_step_in_standard_errors\n");
@@ -117,6 +128,9 @@ fn input_hash(manifest: &Manifest, options: &Options) -> Result<String> {
         if let Some(mask) = &taken.mask {
             told += &format!(" {}", hash::file(&manifest.resolve(mask))?);
         }
+    }
+    for factors in &manifest.factors {
+        told += &format!(" {}", hash::file(&manifest.resolve(&factors.file))?);
     }
     let scene = mesophyll_files::whole::text(&manifest.path)?;
     Ok(maker::input_hash([("method", METHOD), ("scene", scene.as_str()), ("pictures", told.as_str())]))

@@ -22,6 +22,8 @@ const TURBIDITY_STEP: f64 = 0.02;
 pub enum Kind {
     /// ρd of a leaf of the world, of the back or the front.
     RhoD(usize, bool),
+    /// ρd of a leaf of discs, whose two sides nothing tells apart.
+    RhoDBoth(usize),
     /// ρt of a leaf.
     RhoT(usize),
     /// ρs of a leaf.
@@ -101,6 +103,11 @@ impl Numbers {
             for what in asked {
                 let own = format!("leaf.{name}.{what}");
                 match what.as_str() {
+                    "rho_d" if leaf.discs.is_some() => {
+                        let [front, back] = stated.rho_d;
+                        let mean = [0, 1, 2].map(|c| 0.5 * (front[c] + back[c])).to_vec();
+                        add(Kind::RhoDBoth(*k), own, mean, [0.0, 1.0]);
+                    }
                     "rho_d" => {
                         for (back, side) in [(false, "front"), (true, "back")] {
                             let at = stated.rho_d[usize::from(back)].to_vec();
@@ -216,6 +223,9 @@ impl Numbers {
             let map = || [0, 1, 2].map(|c| vec![q.at[c.min(q.at.len() - 1)] as f32]);
             match &q.kind {
                 Kind::RhoD(leaf, back) => interior(&mut out.leaves[*leaf], *back, |rho_d, _| *rho_d = map()),
+                Kind::RhoDBoth(leaf) => [false, true].into_iter().for_each(|back| {
+                    interior(&mut out.leaves[*leaf], back, |rho_d, _| *rho_d = map());
+                }),
                 Kind::Ground(leaf) => interior(&mut out.leaves[*leaf], false, |rho_d, _| *rho_d = map()),
                 Kind::RhoT(leaf) => {
                     [false, true].into_iter().for_each(|back| {
@@ -230,7 +240,8 @@ impl Numbers {
         Ok(out)
     }
 
-    /// What pictures of the world are differentiated by, one for each unknown but the exposures, with its index.
+    /// What pictures of the world are differentiated by, each with the index of its unknown. An exposure has none, and
+    /// an unknown of two sides has two.
     ///
     /// # Errors
     /// Those of a physical sky that its model refuses.
@@ -239,6 +250,10 @@ impl Numbers {
         for (k, q) in self.list.iter().enumerate() {
             let of = match &q.kind {
                 Kind::RhoD(leaf, back) => Of::RhoD { leaf: *leaf, back: *back },
+                Kind::RhoDBoth(leaf) => {
+                    out.push((k, Of::RhoD { leaf: *leaf, back: false }));
+                    Of::RhoD { leaf: *leaf, back: true }
+                }
                 Kind::Ground(leaf) => Of::RhoD { leaf: *leaf, back: false },
                 Kind::RhoT(leaf) => Of::RhoT(*leaf),
                 Kind::RhoS(leaf) => Of::RhoS(*leaf),

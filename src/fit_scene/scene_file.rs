@@ -28,6 +28,10 @@ pub fn found(manifest: &Manifest, numbers: &Numbers, out: &Path) -> Result<Strin
                     *side = numbers;
                 }
             }
+            Kind::RhoDBoth(leaf) => {
+                let both = Value::Array(vec![numbers.clone(), numbers]);
+                set(uniform(&mut table, &index(*leaf)), "rho_d", both);
+            }
             Kind::RhoT(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_t", numbers),
             Kind::RhoS(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_s", numbers),
             Kind::Slope(leaf) => set(uniform(&mut table, &index(*leaf)), "m", Value::Float(q.at[0])),

@@ -5,7 +5,8 @@ use crate::{Error, Result};
 use mesophyll_files::image::Maps;
 use mesophyll_files::picture::{self, RGB, Request};
 use mesophyll_files::progress;
-use mesophyll_manifest::{Check, Manifest, Taken};
+use mesophyll_files::table::{Groups, Spec, Table};
+use mesophyll_manifest::{Check, Factors, Manifest, Taken};
 use mesophyll_scene::draw::reference;
 use mesophyll_transport::world::Camera;
 use std::path::Path;
@@ -21,8 +22,8 @@ const SATURATED: (usize, f64) = (4, 1e-4);
 pub struct Shot {
     /// Its name in messages and files: that of its view, with a number where several are of one view.
     pub name: String,
-    /// The camera.
-    pub camera: Camera,
+    /// What saw it.
+    pub by: By,
     /// Columns and rows.
     pub size: [usize; 2],
     /// Readings, a channel each.
@@ -37,6 +38,15 @@ pub struct Shot {
     pub exposure: Option<String>,
     /// Number of pixels that were left out because they are saturated.
     pub saturated: usize,
+}
+
+/// What readings are of.
+#[derive(Debug, Clone)]
+pub enum By {
+    /// A picture by a camera.
+    Camera(Camera),
+    /// Reflectance factors towards directions: zenith and azimuth (rad).
+    Directions(Vec<[f64; 2]>),
 }
 
 /// What a pixel is used for.
@@ -66,7 +76,59 @@ pub fn read(manifest: &Manifest) -> Result<Vec<Shot>> {
         }
         out.push(shot);
     }
+    for (k, factors) in manifest.factors.iter().enumerate() {
+        out.push(reflectances(manifest, k, factors)?);
+    }
     Ok(out)
+}
+
+/// A table of reflectance factors.
+fn reflectances(manifest: &Manifest, k: usize, factors: &Factors) -> Result<Shot> {
+    let path = manifest.resolve(&factors.file);
+    let columns = ["brf_r", "brf_g", "brf_b"];
+    let optional = ["view_azimuth_deg".to_string()].into_iter().chain(columns.iter().map(|c| format!("{c}_err")));
+    let spec = Spec {
+        required: ["view_zenith_deg"].iter().chain(&columns).map(ToString::to_string).collect(),
+        optional: optional.collect(),
+        ..Spec::default()
+    };
+    let table = Groups::one(Table::open(&path)?, &spec, "scene", &manifest.name)?;
+    let sun = manifest.sun.as_ref().map_or(0.0, |sun| sun.azimuth_deg);
+    let (mut toward, mut seen, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+    for row in table.rows() {
+        let &[zenith, r, g, b, azimuth, ref errs @ ..] = &row.values[..] else { continue };
+        // As in `eval canopy`: without an azimuth, negative angles are on the sun's side.
+        let angles = if azimuth.is_nan() { [-zenith, sun] } else { [zenith, azimuth] };
+        if !(zenith.abs() < 89.9) || ![r, g, b].iter().all(|v| v.is_finite() && *v >= 0.0) {
+            let what = format!("line {}: found {zenith}° and {r}, {g}, {b}", row.line);
+            return Err(Error::input(
+                &path,
+                format!("{what}, expected a zenith below 89.9° and factors of at least 0"),
+            ));
+        }
+        toward.push(angles.map(f64::to_radians));
+        seen.push([r, g, b]);
+        errors.push([0, 1, 2].map(|c| errs.get(c).copied().unwrap_or(f64::NAN)));
+    }
+    if seen.is_empty() {
+        return Err(Error::input(&path, "found no readable row, expected directions with reflectance factors"));
+    }
+    let stated = errors.iter().flatten().all(|e| e.is_finite() && *e >= 0.0);
+    if !stated && factors.noise.is_none() {
+        let what = format!("missing; {} has no columns brf_r_err, brf_g_err, brf_b_err", path.display());
+        return Err(Error::field(&manifest.path, &format!("brf[{k}].noise"), what));
+    }
+    Ok(Shot {
+        name: format!("brf-{}", k + 1),
+        by: By::Directions(toward),
+        size: [seen.len(), 1],
+        uses: vec![if factors.held_out { Use::Held } else { Use::Fitted }; seen.len()],
+        seen,
+        error: stated.then_some(errors),
+        noise: factors.noise.unwrap_or(0.0),
+        exposure: None,
+        saturated: 0,
+    })
 }
 
 fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<Shot> {
@@ -135,7 +197,7 @@ fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<S
     }
     Ok(Shot {
         name: taken.view.clone(),
-        camera,
+        by: By::Camera(camera),
         size,
         seen,
         error,

@@ -24,7 +24,7 @@ pub use picture::Pictured;
 pub use plant::{
     BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
 };
-pub use unknown::{Taken, Unknown};
+pub use unknown::{Factors, Taken, Unknown};
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
 use mesophyll_error::Fault;
@@ -92,6 +92,9 @@ pub struct Manifest {
     /// Pictures that were taken of it, for `fit scene`.
     #[serde(default, rename = "picture")]
     pub taken: Vec<Taken>,
+    /// Reflectance factors that were measured of it, for `fit scene`.
+    #[serde(default, rename = "brf")]
+    pub factors: Vec<Factors>,
     /// The numbers that `fit scene` finds from them.
     pub unknown: Option<Unknown>,
     /// How its pictures are judged.

@@ -27,6 +27,20 @@ pub struct Taken {
     pub held_out: bool,
 }
 
+/// Reflectance factors of a scene that repeats, as `eval canopy` computes them.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Factors {
+    /// A table: view_zenith_deg, view_azimuth_deg (in the sun's plane without it), and brf_r, brf_g, brf_b, with their
+    /// standard errors brf_r_err, brf_g_err, brf_b_err where there are any.
+    pub file: PathBuf,
+    /// Relative standard deviation of a factor; beside errors both add as squares.
+    pub noise: Option<f64>,
+    /// Whether the table is kept from the fit and only predicted.
+    #[serde(default)]
+    pub held_out: bool,
+}
+
 /// The numbers of the scene that are unknown. The scene's own values are where the fit starts.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -66,8 +80,9 @@ impl Manifest {
                 fault: Fault::Other(what),
             })
         };
-        if !self.taken.iter().any(|picture| !picture.held_out) {
-            return bad("picture", "missing; expected at least one [[picture]] that is not held out".into());
+        let fitted = self.taken.iter().any(|p| !p.held_out) || self.factors.iter().any(|f| !f.held_out);
+        if !fitted {
+            return bad("picture", "missing; expected at least one [[picture]] or [[brf]] that is not held out".into());
         }
         let Some(unknown) = self.unknown.as_ref().filter(|u| u.count() > 0) else {
             return bad("unknown", "missing; expected an [unknown] with at least one number".into());
@@ -85,6 +100,19 @@ impl Manifest {
             if let Some(noise) = picture.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
                 return bad(&field("noise"), format!("found {noise}, expected a share above 0 and below 1"));
             }
+        }
+        for (k, factors) in self.factors.iter().enumerate() {
+            if let Some(noise) = factors.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+                return bad(&format!("brf[{k}].noise"), format!("found {noise}, expected a share above 0 and below 1"));
+            }
+        }
+        if let (false, Some((name, _))) = (
+            self.factors.is_empty(),
+            [("sun", &unknown.sun), ("sky", &unknown.sky)].into_iter().find(|(_, list)| !list.is_empty()),
+        ) {
+            let what =
+                "given beside a [[brf]]; reflectance factors are of the sun's light alone, whatever its irradiance";
+            return bad(&format!("unknown.{name}"), what.into());
         }
         for (name, numbers) in &unknown.leaves {
             let field = format!("unknown.leaves.{name}");

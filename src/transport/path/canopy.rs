@@ -75,6 +75,22 @@ impl<'a> Canopy<'a> {
         })
     }
 
+    /// The tracer of its light.
+    pub fn tracer(&self) -> &Tracer<'a> {
+        &self.tracer
+    }
+
+    /// A ray from a random place of the rectangle, against the light that leaves it towards `[zenith, azimuth]` (rad).
+    pub(super) fn seen_from(&self, [zenith, azimuth]: [f64; 2], at: [f64; 2]) -> Ray {
+        let (sin, cos) = zenith.sin_cos();
+        self.enter(-DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos), at)
+    }
+
+    /// The reflectance factor for a radiance of 1 in each channel.
+    pub(super) fn factors(&self) -> [f64; 3] {
+        self.irradiance.map(|e| PI / (e * self.sun.z))
+    }
+
     /// Azimuth of the sun (rad), from +x towards +y.
     pub fn sun_azimuth(&self) -> f64 {
         self.sun.y.atan2(self.sun.x)

@@ -12,7 +12,7 @@
 
 use super::lights::Light;
 use super::scatter::Scatter;
-use super::{FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, estimate};
+use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, estimate};
 use crate::Result;
 use crate::accelerate::Ray;
 use crate::dome::RadianceAt;
@@ -320,5 +320,20 @@ impl<'a> Slopes<'a> {
         self.sheet(width * height, [rounds, each], seed, |k, [x, y]| {
             lens.ray((k % width) as f64 + x, (k / width) as f64 + y)
         })
+    }
+
+    /// Reflectance factors of a canopy towards directions (zenith and azimuth, rad), from rounds of `each` paths a
+    /// direction. The tracer must be the canopy's.
+    ///
+    /// # Errors
+    /// A stop that was asked for.
+    pub fn factors(&self, canopy: &Canopy, toward: &[[f64; 2]], [rounds, each]: [u32; 2], seed: u64) -> Result<Sheet> {
+        let mut sheet = self.sheet(toward.len(), [rounds, each], seed, |k, at| canopy.seen_from(toward[k], at))?;
+        let of = canopy.factors();
+        for c in 0..3 {
+            sheet.mean.iter_mut().chain(&mut sheet.slopes).for_each(|v| v[c] *= of[c]);
+            sheet.variance.iter_mut().for_each(|v| v[c] *= of[c] * of[c]);
+        }
+        Ok(sheet)
     }
 }
