@@ -10,6 +10,7 @@
 #![warn(missing_docs)]
 
 mod coded;
+pub mod colours;
 mod diffuse;
 mod gloss;
 mod grid;

@@ -42,6 +42,9 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         missed.set(missed.get() || (level == Level::Bad && !by_truth.get()));
         reasons.push(Reason { level, text });
     };
+    if let Some(said) = record.stated_in_one() {
+        say(Level::Doubtful, format!("{said}; nothing of it was measured"));
+    }
     match record.termination {
         Some(t) if t.converged() => say(Level::Good, format!("the fit converged ({})", t.name().replace('_', " "))),
         Some(t) => say(Level::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),

@@ -96,7 +96,7 @@ pub(super) fn fit_there(folder: &Path) -> Option<FitThere> {
     let files =
         table.get("files").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect()).unwrap_or_default();
     let words = match (text("kind"), text("name")) {
-        (Some(kind), name) => format!("the {kind} fit \"{}\"", name.unwrap_or_default()),
+        (Some(kind), name) => format!("the {} \"{}\"", super::fit_words(&kind), name.unwrap_or_default()),
         _ => "a fit.toml that says no kind".into(),
     };
     Some(FitThere { kind: text("kind"), files, words })

@@ -45,10 +45,15 @@ pub enum Kind<'a> {
     Pictures,
 }
 
+/// What a folder with a `fit.toml` of this kind is called. In a look nothing was fitted.
+pub fn fit_words(kind: &str) -> String {
+    if kind == "look" { "stated look".into() } else { format!("{kind} fit") }
+}
+
 impl Kind<'_> {
     fn words(self) -> String {
         match self {
-            Kind::Fit(kind) => format!("{kind} fit"),
+            Kind::Fit(kind) => fit_words(kind),
             Kind::Capture => "capture".into(),
             Kind::Scene => "run or a check".into(),
             Kind::Render => "folder of rendered pictures".into(),
