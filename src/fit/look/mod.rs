@@ -24,7 +24,7 @@ const THICKNESS_MM: f64 = 0.2;
 /// Texels along the longer side of the maps where none are stated.
 const TEXELS: usize = 1024;
 /// Smallest slope of the gloss that both renderers draw.
-const LEAST_SLOPE: f64 = 0.01;
+const LEAST_SLOPE: f64 = 1e-3;
 
 /// Which way green counts in a map of normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
