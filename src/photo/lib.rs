@@ -12,6 +12,7 @@
 mod coded;
 pub mod colours;
 mod diffuse;
+mod faint;
 mod gloss;
 mod grid;
 mod inspect;
