@@ -59,8 +59,9 @@ pub struct Args {
     /// Scenes only: step (s) between two keys of the animation
     #[arg(long, value_name = "S", default_value_t = 0.04, allow_negative_numbers = true, requires = "from")]
     step: f64,
-    /// Scenes as a whole and web: folder of a run or check of the scene, whose fits are taken, and for web its reference
-    /// pictures. Stated looks, and for web translucency maps, that the scene still lacks are made there (default: out/check/SCENE)
+    /// Scenes as a whole and web: folder of a run or check of the scene, whose fits are taken, and for web its
+    /// reference pictures. Stated looks, and for web translucency maps, that the scene still lacks are made there
+    /// (default: out/check/SCENE)
     #[arg(long, value_name = "DIR", value_parser = super::place::folder())]
     run: Option<PathBuf>,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial

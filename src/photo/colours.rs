@@ -1,4 +1,5 @@
-//! A picture as a texture: its colours as light and its opacity, or numbers that are no light, such as a map of normals.
+//! A picture as a texture: its colours as light and its opacity, or numbers that are no light, such as a map of
+//! normals.
 
 use super::coded::{self, Decoded};
 use super::manifest::Transfer;

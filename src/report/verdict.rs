@@ -42,9 +42,6 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         missed.set(missed.get() || (level == Level::Bad && !by_truth.get()));
         reasons.push(Reason { level, text });
     };
-    if let Some(said) = record.stated_in_one() {
-        say(Level::Doubtful, format!("{said}; nothing of it was measured"));
-    }
     match record.termination {
         Some(t) if t.converged() => say(Level::Good, format!("the fit converged ({})", t.name().replace('_', " "))),
         Some(t) => say(Level::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),
@@ -97,9 +94,10 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     residuals::sides(record, &mut say);
     held_out::reasons(&report.held_out, &mut say);
     parameters(report, &mut say);
-    if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency) {
-        say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
-    }
+    let doubt = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency);
+    let doubt = doubt.map(|doubt| format!("{doubt}; the maps are not to be relied on"));
+    let stated = record.stated_in_one().map(|said| format!("{said}; nothing of it was measured"));
+    doubt.into_iter().chain(stated).for_each(|text| say(Level::Doubtful, text));
     match mesophyll_fit::consistency::of(folder) {
         Ok(faults) => {
             faults.all().for_each(|what| say(Level::Bad, what.clone()));

@@ -13,6 +13,7 @@ mod tests;
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
+pub use held::fit_words;
 use held::{fit_there, holds, is_capture, is_own, marked, marks, stranger};
 pub use lock::{Claim, Use, undo};
 use std::fs;
@@ -43,11 +44,6 @@ pub enum Kind<'a> {
     Import,
     /// Documentation pictures, which may lie beside anything but captures, fits and the other kinds.
     Pictures,
-}
-
-/// What a folder with a `fit.toml` of this kind is called. In a look nothing was fitted.
-pub fn fit_words(kind: &str) -> String {
-    if kind == "look" { "stated look".into() } else { format!("{kind} fit") }
 }
 
 impl Kind<'_> {

@@ -1,5 +1,5 @@
-//! From pictures to texels: the outline by the opacity, means over blocks of pixels, and what sends back more light than
-//! falls on it.
+//! From pictures to texels: the outline by the opacity, means over blocks of pixels, and what sends back more light
+//! than falls on it.
 
 use super::{Green, Look, TEXELS};
 use crate::{Error, Result};

@@ -36,9 +36,9 @@ pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(manifest.leaves[index].data_name())
 }
 
-/// Makes the fit of leaf `index` in `folder`, or the maps of its look. Captures that must be scanned first go below `out`. A folder that holds
-/// this very fit is left unchanged, unless everything is to be made `afresh`. That is for another state of the program
-/// with the same version.
+/// Makes the fit of leaf `index` in `folder`, or the maps of its look. Captures that must be scanned first go below
+/// `out`. A folder that holds this very fit is left unchanged, unless everything is to be made `afresh`. That is for
+/// another state of the program with the same version.
 ///
 /// # Errors
 /// As `fit leaf`, with these exit codes: 2 for an input that cannot be read, 130 when stopped (finished parts are
