@@ -84,7 +84,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 24] = [
+pub const MODELS: [Model; 25] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -104,6 +104,11 @@ pub const MODELS: [Model; 24] = [
             ..sweep!(slab::bench::bench_rows)
         }),
         stress: Some(|| Ok(slab::stress::stress_cases())),
+    },
+    Model {
+        name: "bands",
+        eval: verb!(eval::bands, "What the bands of a published response see of spectra: sRGB or CIE 1931"),
+        ..NONE
     },
     Model {
         name: "gloss",
