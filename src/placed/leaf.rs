@@ -94,6 +94,12 @@ impl Leaf {
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
             );
         }
+        let compared = [ViewKind::Card, ViewKind::Capture].into_iter().any(|kind| shown_by(kind).next().is_some());
+        if compared && out.fitted.as_ref().is_some_and(LeafFit::is_stated) {
+            let what = "stated, not fitted; a card, and a view as its scan saw it, compare a leaf with its tissue, of \
+                        which a picture says nothing: expected a fitted leaf";
+            return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", leaf.name), what));
+        }
         if made.is_some() || out.uniform {
             let own = || made.map_or_else(PathBuf::new, |folder| folder.join(BLADE));
             let given = leaf.mesh.as_ref().or(leaf.discs.as_ref());

@@ -1,9 +1,9 @@
 //! Spectral responses that are published, by name: what three bands see of light that a surface sends back or lets
 //! through, over wavelength.
 //!
-//! The light is CIE standard illuminant D65 (CIE 15, 10 nm steps). A band's value is the integral of spectrum, light and
-//! response over that of light and response, so a perfect white is the response's white. It is a sum of readings with
-//! weights that do not depend on them: readings count as joined by straight lines.
+//! The light is CIE standard illuminant D65 (CIE 15, 10 nm steps). A band's value is the integral of spectrum, light
+//! and response over that of light and response, so a perfect white is the response's white. It is a sum of readings
+//! with weights that do not depend on them: readings count as joined by straight lines.
 
 use crate::colour::rgb_from_xyz;
 use crate::sun::matching;

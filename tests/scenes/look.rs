@@ -167,5 +167,13 @@ fn a_look_of_its_own_file_is_imported_exported_and_put_on_a_plant() {
         succeeded(&exported);
         assert!(crate::json(&exported)["loss"].to_string().contains("stated, not fitted"), "{}", scene.display());
     }
+    // A card compares a leaf with its tissue.
+    let card = "[[view]]\nname = \"card\"\nkind = \"card\"\nleaf = \"picture\"\neye_mm = [20, -50, 120]\n";
+    let card = format!("{card}target_mm = [0, 0, 0]\nfov_deg = 2\nmax_error = 1e-3\n");
+    for scene in ["named.toml", "look.toml"] {
+        let with = std::fs::read_to_string(at(scene)).unwrap() + &card;
+        std::fs::write(at("card.toml"), with).unwrap();
+        refused(&run(["plan", text(&at("card.toml"))]), 2, &["card.toml", "picture", "expected a fitted leaf"]);
+    }
     assert!(!at("run-1").exists() && at("run-2/fits/picture/fit.toml").is_file());
 }

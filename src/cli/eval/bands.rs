@@ -7,8 +7,8 @@ use crate::{Error, Result};
 use mesophyll_files::table::{Answer, BatchIo, LeftOut, Physical, Spec, Status, Table, Tally};
 use mesophyll_sky::response::Response;
 
-/// CSV columns `leaf,wavelength_nm,R,T` (a row a wavelength), or `R400,T400,R410,…` (a row a leaf) → the three bands of a
-/// published response: `r_r,r_g,r_b` of R and `t_r,t_g,t_b` of T, `status`.
+/// CSV columns `leaf,wavelength_nm,R,T` (a row a wavelength), or `R400,T400,R410,…` (a row a leaf) → the three bands of
+/// a published response: `r_r,r_g,r_b` of R and `t_r,t_g,t_b` of T, their standard errors, `status`.
 ///
 /// Scenes state a leaf by such numbers (`uniform`). The light is that of CIE D65.
 #[derive(Debug, clap::Args)]

@@ -30,7 +30,7 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
-            "not fitted yet; `mesophyll run` fits it",
+            "its maps are not made yet; `mesophyll run` makes them",
         ));
     };
     // A leaf has one thickness. The δ of a side that was fitted with another h contains the difference.

@@ -277,7 +277,7 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
-            "not fitted yet; `mesophyll run` fits it",
+            "its maps are not made yet; `mesophyll run` makes them",
         ));
     };
     let mut size = leaf.plan.size;
