@@ -126,29 +126,29 @@ fn side_of(w: usize, h: usize) -> usize {
 fn apart(picture: &Picture, light: &Light) -> Vec<f32> {
     let (w, h) = (picture.width, picture.height);
     let reach = side_of(w, h);
-    let mut squares = vec![0f32; w * h];
-    for c in 0..3 {
-        // Sums over all pixels above and to the left.
-        let mut sums = vec![0f64; (w + 1) * (h + 1)];
-        for j in 0..h {
-            let mut row = 0.0;
-            for i in 0..w {
-                let by = light.at([i as f64 + 0.5, j as f64 + 0.5])[c];
-                let v = f64::from(picture.pixels[j * w + i][c]) / by;
-                row += if v.is_finite() { v } else { CLEAR };
-                sums[(j + 1) * (w + 1) + i + 1] = sums[j * (w + 1) + i + 1] + row;
+    // Sums over all pixels above and to the left.
+    let mut sums = vec![[0f64; 3]; (w + 1) * (h + 1)];
+    for j in 0..h {
+        let mut row = [0.0; 3];
+        for i in 0..w {
+            let (pixel, by) = (picture.pixels[j * w + i], light.at([i as f64 + 0.5, j as f64 + 0.5]));
+            for c in 0..3 {
+                let v = f64::from(pixel[c]) / by[c];
+                row[c] += if v.is_finite() { v } else { CLEAR };
+                sums[(j + 1) * (w + 1) + i + 1][c] = sums[j * (w + 1) + i + 1][c] + row[c];
             }
         }
-        for (k, square) in squares.iter_mut().enumerate() {
-            let range = |at: usize, n: usize| (at.saturating_sub(reach), (at + reach + 1).min(n));
-            let ((left, right), (top, bottom)) = (range(k % w, w), range(k / w, h));
-            let at = |i: usize, j: usize| sums[j * (w + 1) + i];
-            let sum = at(right, bottom) - at(left, bottom) - at(right, top) + at(left, top);
-            let mean = sum / ((right - left) * (bottom - top)) as f64;
-            *square += (mean.max(1e-9).ln().powi(2)) as f32;
-        }
     }
-    squares.iter().map(|v| v.sqrt()).collect()
+    let square = |k: usize| {
+        let range = |at: usize, n: usize| (at.saturating_sub(reach), (at + reach + 1).min(n));
+        let ((left, right), (top, bottom)) = (range(k % w, w), range(k / w, h));
+        let at = |i: usize, j: usize| sums[j * (w + 1) + i];
+        let [a, b, c, d] = [at(right, bottom), at(left, bottom), at(right, top), at(left, top)];
+        let n = ((right - left) * (bottom - top)) as f64;
+        let squares = (0..3).map(|k| ((a[k] - b[k] - c[k] + d[k]) / n).max(1e-9).ln().powi(2));
+        squares.sum::<f64>().sqrt() as f32
+    };
+    (0..w * h).map(square).collect()
 }
 
 /// The front's outline by the silhouette on the light table, where that on the sheet is poor; `None` where it is not.

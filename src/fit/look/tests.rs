@@ -3,8 +3,9 @@
 use super::*;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::edit::{Edit, save};
 use mesophyll_leaf::{File, LeafFit};
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, Sides};
 use std::f64::consts::PI;
 
 const SIZE: u32 = 64;
@@ -80,6 +81,24 @@ fn a_picture_becomes_the_maps_and_the_blade_of_a_leaf_that_says_it_is_stated() {
     let hash = look.input_hash().unwrap();
     assert_eq!(hash, found.record.input_hash);
     assert_ne!(hash, Look { rho_t_factor: Some(0.7), ..look }.input_hash().unwrap());
+}
+
+/// A look whose gloss was changed in the window is saved as a look, whose ρd and ρt are those that were stated.
+#[test]
+fn an_edited_look_is_still_stated() {
+    let (dir, look) = leaf();
+    let found = made(&Look { rho_s: Some([0.04; 3]), m: Some(0.3), ..look }, &dir);
+    let edit = Edit { rho_s: 0.5, m: 2.0, sigma_a: [3.0; 3], ..Edit::default() };
+    let saved = save(&found.edited(Sides::of(|_| edit)), dir.path()).unwrap();
+    let saved = LeafFit::open(&saved).unwrap();
+    saved.record.verify(&saved.folder).unwrap();
+    assert!(saved.is_stated() && saved.record.options["gloss"].ends_with("changed by hand since"));
+    let (before, after) = (found.maps(Side::Front).unwrap(), saved.maps(Side::Front).unwrap());
+    for quantity in [Quantity::RhoD, Quantity::RhoT, Quantity::Normal] {
+        assert_eq!(before.three(quantity), after.three(quantity));
+    }
+    assert_eq!(after.plane(Quantity::RhoS, 1).unwrap()[100], 0.02);
+    assert_eq!(after.scalar(Quantity::M).unwrap()[100], 0.6);
 }
 
 /// Means over blocks weigh each pixel by its opacity: what lies beside the leaf does not bleed in.
