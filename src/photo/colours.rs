@@ -157,6 +157,13 @@ mod tests {
         assert!(said("a.png", Some(Transfer::Linear)).contains("8 bits"));
         assert!(said("a.exr", Some(Transfer::Srgb)).contains("in proportion"));
         assert!(read(&at("a.tga"), Meaning::Numbers).unwrap_err().to_string().contains("another kind"));
+        // The file's own chunk says the curve where none is stated, and contradicts another one.
+        let mut bytes = std::fs::read(at("a.png")).unwrap();
+        bytes.splice(33..33, [&[0, 0, 0, 1][..], b"sRGB", &[0], &[0xae, 0xce, 0x1c, 0xe9]].concat());
+        std::fs::write(at("own.png"), bytes).unwrap();
+        let own = read(&at("own.png"), Meaning::Light(None)).unwrap();
+        assert!(own.transfer == Transfer::Srgb && (own.pixels[0][0] - 0.5029).abs() < 2e-4);
+        assert!(said("own.png", Some(Transfer::Linear)).contains("own colour profile"));
         // Numbers are what the file holds.
         let numbers = read(&at("a.png"), Meaning::Numbers).unwrap().pixels[0];
         assert!((numbers[0] - 188.0 / 255.0).abs() < 1e-6);

@@ -11,8 +11,6 @@ use mesophyll_photo::manifest::Transfer;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Texels beside the picture on every side, so that an outline closes inside the maps.
-const BESIDE: usize = 2;
 /// Share of the leaf's texels that may send back more light than falls on them; they are scaled and counted.
 const MOST_BEYOND: f64 = 0.01;
 /// Rounding that a sum of three shares may have.
@@ -57,8 +55,8 @@ pub(super) struct Texels {
 struct Part {
     /// Left, top, width and height (pixels).
     region: [usize; 4],
-    /// Pixels along a side of a texel.
-    block: usize,
+    /// Whether that is all of the picture.
+    whole: bool,
     width: usize,
     height: usize,
 }
@@ -74,19 +72,22 @@ impl Part {
             let expected = format!("left, top, width and height inside the picture of {w}x{h} pixels");
             return Err(Error::unexpected(&look.albedo, "region", format!("{region:?}"), expected));
         }
+        // The maps cover the region and nothing else, so that texture coordinates over it hold for them too.
         let block = width.max(height).div_ceil(look.texels.unwrap_or(TEXELS));
-        let [columns, rows] = [width, height].map(|n| n.div_ceil(block) + 2 * BESIDE);
-        Ok(Part { region, block, width: columns, height: rows })
+        let [columns, rows] = [width, height].map(|n| n.div_ceil(block));
+        Ok(Part { region, whole: region == [0, 0, w, h], width: columns, height: rows })
+    }
+
+    /// The pixels of the region in the `at`-th of `count` parts of `length` pixels.
+    fn range(at: usize, count: usize, length: usize) -> std::ops::Range<usize> {
+        at * length / count..(at + 1) * length / count
     }
 
     /// The pixels of texel `k`, by their index in a picture of `columns` columns.
     fn pixels(&self, k: usize, columns: usize) -> impl Iterator<Item = usize> + use<> {
-        let Part { region: [left, top, width, height], block, .. } = *self;
-        let range = move |at: usize, length: usize| {
-            let from = (at.max(BESIDE) - BESIDE) * block;
-            if at < BESIDE { 0..0 } else { from.min(length)..(from + block).min(length) }
-        };
-        let (across, down) = (range(k % self.width, width), range(k / self.width, height));
+        let [left, top, width, height] = self.region;
+        let across = Part::range(k % self.width, self.width, width);
+        let down = Part::range(k / self.width, self.height, height);
         down.flat_map(move |j| across.clone().map(move |i| (top + j) * columns + left + i))
     }
 
@@ -147,7 +148,6 @@ pub(super) fn read(look: &Look) -> Result<Texels> {
         plane
     };
     let front = means(&albedo);
-    // A file without a profile of its own is by the same curve as the albedo.
     let back = look.back.as_ref().map(|path| same(path, Meaning::Light(look.transfer))).transpose()?;
     let back = back.map_or_else(|| front.clone(), |back| means(&back));
     let rho_t = through(look, &front, same, means)?;
@@ -155,7 +155,7 @@ pub(super) fn read(look: &Look) -> Result<Texels> {
         None => vec![[0.0, 0.0, 1.0]; on.len()],
         Some(path) => normals(look, path, &part, &same(path, Meaning::Numbers)?, &weight, &on, &mut warnings)?,
     };
-    let texel_mm = look.width_mm.unwrap_or(f64::NAN) * part.block as f64 / part.region[2] as f64;
+    let texel_mm = look.width_mm.unwrap_or(f64::NAN) / part.width as f64;
     let mut out = Texels {
         width: part.width,
         height: part.height,
@@ -184,15 +184,14 @@ fn outline(
 ) -> Result<(Vec<f32>, Vec<bool>)> {
     let path = look.opacity.as_ref().unwrap_or(&look.albedo);
     let cutoff = look.cutoff() as f32;
-    let area = (part.block * part.block) as f32;
     let mut cover = part.each(|k| {
-        let mean = part.pixels(k, columns).map(|p| opacity[p]).sum::<f32>() / area;
-        let mean = mean.clamp(0.0, 1.0);
+        let (sum, count) = part.pixels(k, columns).fold((0.0f32, 0.0), |(s, n), p| (s + opacity[p], n + 1.0));
+        let mean = (sum / count).clamp(0.0, 1.0);
         if mean < cutoff { 0.5 * mean / cutoff } else { 0.5 + 0.5 * (mean - cutoff) / (1.0 - cutoff) }
     });
     let (w, h) = (part.width, part.height);
     let inside: Vec<bool> = cover.iter().map(|c| *c >= 0.5).collect();
-    let texels = (w - 2 * BESIDE) * (h - 2 * BESIDE);
+    let texels = w * h;
     let count = inside.iter().filter(|on| **on).count();
     if count < FEWEST || count == texels {
         let found = if count < FEWEST { format!("only {count}") } else { "every one".into() };
@@ -206,7 +205,7 @@ fn outline(
     let largest = order[0];
     let touches: Vec<bool> = {
         let mut touches = vec![false; sizes.len()];
-        let rim = |k: usize| [k % w, k / w].iter().zip([w, h]).any(|(at, n)| *at == BESIDE || *at + BESIDE + 1 == n);
+        let rim = |k: usize| [k % w, k / w].iter().zip([w, h]).any(|(at, n)| *at == 0 || *at + 1 == n);
         (0..w * h).filter(|k| inside[*k] && rim(*k)).for_each(|k| touches[label[k] as usize] = true);
         touches
     };
@@ -222,7 +221,7 @@ fn outline(
         return Err(Error::field(&look.albedo, "region", what));
     }
     // In an atlas, rectangles around leaves cut their neighbours.
-    let kept = |p: usize| p > 0 && (p == largest || !(look.region.is_some() && touches[p]));
+    let kept = |p: usize| p > 0 && (p == largest || part.whole || !touches[p]);
     let on: Vec<bool> = label.iter().map(|l| kept(*l as usize)).collect();
     let cut = (1..sizes.len()).filter(|p| !kept(*p)).count();
     if cut > 0 {
@@ -236,7 +235,7 @@ fn outline(
 }
 
 impl Part {
-    /// The rectangle of pixels around the piece with this label, with a block on every side.
+    /// The rectangle of pixels around the piece with this label, with a texel on every side.
     fn around(&self, label: &[u32], piece: u32) -> [usize; 4] {
         let [_, _, width, height] = self.region;
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
@@ -245,8 +244,12 @@ impl Part {
                 (low[c], high[c]) = (low[c].min(at), high[c].max(at));
             }
         }
-        let from = low.map(|at| (at.max(BESIDE + 1) - BESIDE - 1) * self.block);
-        let to = [0, 1].map(|c| ((high[c] + 2 - BESIDE) * self.block).min([width, height][c]));
+        let [from, to] = [0, 1].map(|end: usize| {
+            [(0, self.width, width), (1, self.height, height)].map(|(c, count, length)| match end {
+                0 => Part::range(low[c].max(1) - 1, count, length).start,
+                _ => Part::range((high[c] + 1).min(count - 1), count, length).end,
+            })
+        });
         [from[0], from[1], to[0] - from[0], to[1] - from[1]]
     }
 }
