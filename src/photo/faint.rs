@@ -65,6 +65,10 @@ pub(super) fn on_dark_sheet(picture: &Picture, other: &[usize]) -> Result<Outlin
         let beyond = |by: f64| -> Vec<bool> { (0..w * h).map(|k| bright[k] || f64::from(apart[k]) > by).collect() };
         let pieces_of = |by: f64| {
             let (label, mut sizes) = pieces(&beyond(by), w, h);
+            let mut shining = vec![0; sizes.len()];
+            (0..w * h).filter(|&k| bright[k]).for_each(|k| shining[label[k] as usize] += 1);
+            // What is mostly bright, as a ruler, is no dark leaf.
+            sizes.iter_mut().zip(&shining).filter(|(n, bright)| 2 * **bright > **n).for_each(|(n, _)| *n = 0);
             sizes[0] = 0;
             other.iter().for_each(|&k| sizes[label[k] as usize] = 0);
             (label, sizes)
@@ -83,11 +87,6 @@ pub(super) fn on_dark_sheet(picture: &Picture, other: &[usize]) -> Result<Outlin
         order.sort_unstable_by_key(|&p| (usize::MAX - sizes[p], p));
         found.candidates.clear();
         for piece in order.into_iter().take(PIECES) {
-            // What is mostly bright is no dark leaf.
-            let shining = (0..w * h).filter(|&k| label[k] as usize == piece && bright[k]).count();
-            if 2 * shining > sizes[piece] {
-                continue;
-            }
             let mask = filled(label.iter().map(|l| *l as usize == piece).collect(), w, h);
             if touches_border(&mask, w, h) {
                 found.at_border = true;
