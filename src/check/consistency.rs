@@ -56,8 +56,8 @@ pub fn contradictions(leaf: Leaf, ledger: &Ledger) -> Result<Vec<String>> {
             if off(mean / h, 1.0, 0.01) {
                 say(format!("its mean thickness is {mean:.4} mm, but fit.toml says {h:.4} mm"));
             }
-            for what in interior(fitted, side, maps, &good)? {
-                say(what);
+            if !fitted.is_stated() {
+                interior(fitted, side, maps, &good)?.into_iter().for_each(&mut say);
             }
         }
         if let Some(mesh) = leaf.placed.mesh.as_ref().filter(|_| leaf.placed.mesh_path.starts_with(&fitted.folder)) {

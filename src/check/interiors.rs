@@ -48,7 +48,9 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
             let search = Search { out, ..Search::default() };
             let scene = Scene::open(variant, search, ledger)?;
             let leaf = scene.leaf(index);
-            if leaf.placed.mesh.is_none() || !leaf.plan.sides.iter().any(|s| s.interior()) {
+            // A stated look has one interior only.
+            let stated = leaf.placed.fitted.as_ref().is_some_and(|fitted| fitted.is_stated());
+            if stated || leaf.placed.mesh.is_none() || !leaf.plan.sides.iter().any(|s| s.interior()) {
                 continue;
             }
             renderer.set_scene(&handover::scene(&scene, ledger)?).map_err(told)?;

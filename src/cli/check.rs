@@ -85,6 +85,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             placed.find_again(&manifest, index, search, &ledger)?;
         }
     }
+    placed.make_looks(&manifest, &out, search, &ledger)?;
     // This takes seconds, not minutes: unlike the fit of a leaf, translucency maps are made on the way.
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, &out, search, &ledger)?;
@@ -132,6 +133,9 @@ pub(super) fn judged(
 
     let report = check(scene, options, ledger)?;
     let (mut json, mut text) = (report.json(&scene.manifest), report.text());
+    let stated = scene.placed.stated();
+    stated.iter().for_each(|said| text += &format!("{said}\n"));
+    json["stated"] = stated.into();
     if let Some(out) = compare {
         let rows = interiors::compare(&scene.manifest, out, ledger)?;
         text += &interiors::text(&rows);

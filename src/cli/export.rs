@@ -5,14 +5,16 @@ use crate::named::named;
 use crate::{Error, Result};
 use clap::builder::{PossibleValue, TypedValueParser};
 use mesophyll_export::coat::Lost;
-use mesophyll_export::shown::Shown;
+use mesophyll_export::shown::{Shown, unmeasured};
 use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Exported, Format, assemble, export};
 use mesophyll_files::{claim, progress};
 use mesophyll_manifest::Manifest;
-use mesophyll_placed as placed;
+use mesophyll_placed::fits::missing;
 use mesophyll_placed::leaf::Search;
 use mesophyll_placed::ledger::Ledger;
+use mesophyll_placed::{self as placed, Placed};
+use mesophyll_record::FitRecord;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::Scene;
 use mesophyll_scene::traced;
@@ -57,8 +59,9 @@ pub struct Args {
     /// Scenes only: step (s) between two keys of the animation
     #[arg(long, value_name = "S", default_value_t = 0.04, allow_negative_numbers = true, requires = "from")]
     step: f64,
-    /// Web only: folder of a run or check of the scene, whose fits and reference pictures are taken. Data that the
-    /// scene still lacks are made there (default: out/check/SCENE)
+    /// Scenes as a whole and web: folder of a run or check of the scene, whose fits are taken, and for web its
+    /// reference pictures. Stated looks, and for web translucency maps, that the scene still lacks are made there
+    /// (default: out/check/SCENE)
     #[arg(long, value_name = "DIR", value_parser = super::place::folder())]
     run: Option<PathBuf>,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
@@ -156,8 +159,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if scene && args.folder.file_name().is_some_and(|name| name == "fit.toml") {
         return Err(Error::input(&args.folder, "found the record of a fit, expected the fit's folder, or a scene"));
     }
-    if let Some(run) = args.run.as_ref().filter(|_| format != Format::Web) {
-        return Err(Error::argument("--run", run.display(), "--to web beside it"));
+    if let Some(run) = args.run.as_ref().filter(|_| format != Format::Web && !(scene && format.holds_scenes())) {
+        return Err(Error::argument("--run", run.display(), "a scene that is exported as a whole, or --to web"));
     }
     if scene && !matches!(format, Format::Gltf | Format::Pivots | Format::Web) && !format.holds_scenes() {
         return Err(Error::Usage(format!(
@@ -201,6 +204,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     })?;
     if !scene {
         super::ready::warn(&args.folder);
+        let stated = FitRecord::read(&args.folder).ok().filter(|_| done.lost.is_none());
+        stated.and_then(|record| record.stated_in_one()).into_iter().for_each(progress::say);
     }
     if stdout {
         done.lost.iter().flat_map(Lost::lines).for_each(progress::say);
@@ -220,16 +225,27 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
+/// The run's folder of a scene.
+fn run_of(args: &Args, manifest: &Manifest) -> PathBuf {
+    args.run.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name))
+}
+
 /// A whole scene at one time, as another renderer draws it.
 fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
     let manifest = Manifest::read(&args.folder)?;
     let ledger = Ledger::new();
-    let scene = Scene::open(manifest, Search { out: None, input_hash: None, free: false }, &ledger)?;
+    let run = run_of(args, &manifest);
+    let search = Search { out: args.run.as_deref(), input_hash: None, free: false };
+    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    placed.make_looks(&manifest, &run, search, &ledger)?;
+    let scene = Scene::new(manifest, placed, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     if let Some(missing) = scene.placed.unfitted().first() {
         let leaf = format!("leaf \"{}\"", scene.manifest.leaves[*missing].name);
-        let why =
-            format!("not fitted; `mesophyll run {}` makes the fit, which the leaf then names", args.folder.display());
+        let why = format!(
+            "not fitted; `mesophyll run {}` makes the fit, then give its folder by --run",
+            args.folder.display()
+        );
         return Err(Error::field(&args.folder, &leaf, why));
     }
     let view = traced::views(&scene, args.view.as_deref())?[0];
@@ -240,6 +256,7 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
     let check = &scene.manifest.check;
     let size = [check.width as usize, check.height as usize];
     let mut shown = Shown::of_world(&world, &names, reference::camera(view), size, &scene.manifest.name);
+    shown.left_out.extend(scene.placed.stated().iter().map(|said| unmeasured(said)));
     if scene.placed.moves().any() {
         shown.left_out.push(format!("wind: everything stands as at {time} s"));
     }
@@ -253,7 +270,6 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
 #[cfg(feature = "render")]
 fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
     use mesophyll_files::atomic;
-    use mesophyll_placed::{Placed, fits::missing};
     use mesophyll_scene::web;
 
     if args.time.is_some() || args.from.is_some() {
@@ -261,10 +277,11 @@ fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
     }
     let manifest = if is_scene { Manifest::read(&args.folder)? } else { web::around(&args.folder)? };
     let ledger = Ledger::new();
-    let run = args.run.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
+    let run = run_of(args, &manifest);
     let out = args.run.as_deref();
     let search = Search { out, input_hash: Some(&missing::input_hash), free: true };
     let mut placed = Placed::new(&manifest, search, &ledger)?;
+    placed.make_looks(&manifest, &run, search, &ledger)?;
     if let Some(missing) = placed.unfitted().first() {
         let leaf = format!("leaf \"{}\"", manifest.leaves[*missing].name);
         let why = "not fitted yet; `mesophyll run` fits it, then give its folder by --run";

@@ -1,30 +1,37 @@
-//! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out, or a plant that bends.
+//! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out, or a plant that bends; or the
+//! pictures of a leaf in, and a leaf whose look is stated out.
 
 use crate::named::named;
 use crate::{Common, Result};
 use mesophyll_files::table::counted;
 use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, claim, progress};
+use mesophyll_fit::look::{self, Look};
 use mesophyll_flora::file::write;
 use mesophyll_flora::import::{Found, import, plant, strange, table};
 use std::path::PathBuf;
 
-/// Finds the branches and the leaves of a plant in a glTF file, also of one list of triangles without nodes.
+/// Finds the branches and the leaves of a plant in a glTF file, also of one list of triangles without nodes; or makes a
+/// leaf of pictures, whose look is stated and not fitted.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
      mesophyll import out/elm.glb -o out/elm-branches\n  \
-     mesophyll import out/elm.glb -o out/elm-plant.glb\n\n\
+     mesophyll import out/elm.glb -o out/elm-plant.glb\n  \
+     mesophyll import data/looks/elm.toml -o out/elm-look\n\n\
      A name that ends in .glb is a plant for scenes, which bends in their wind.\n\
      A folder has tables:\n\
      branches.csv: branch,parent,at,level,length_mm,root_radius_mm,tip_radius_mm,x,y,z,dx,dy,dz,confidence,status\n\
      leaves.csv: leaf,branch,at,x,y,z,nx,ny,nz,length_mm,width_mm,area_mm2,status\n\
      others.csv: pieces that are neither a tube nor a blade, with the reason\n\
-     Places are in mm in the file's own frame. docs/plants.md says how they are found.")]
+     Places are in mm in the file's own frame. docs/plants.md says how they are found.\n\n\
+     A .toml file states a leaf by pictures (albedo, opacity, translucency, normal), as `look` of a scene does. The \
+     folder is like that of a fit: scenes name it by `fit`, and `export`, `dress` and `report` take it. \
+     docs/looks.md has the fields.")]
 pub struct Args {
-    /// The plant (.glb or .gltf)
-    #[arg(value_name = "PLANT.glb")]
+    /// The plant (.glb or .gltf), or a leaf's look (.toml)
+    #[arg(value_name = "PLANT.glb|LOOK.toml")]
     plant: PathBuf,
-    /// Folder for the tables, or a file (.glb) for the plant with branches
+    /// Folder for the tables or the leaf, or a file (.glb) for the plant with branches
     #[arg(short, long, alias = "output", value_name = "DIR|FILE.glb", value_parser = crate::place::folder())]
     out: PathBuf,
     /// What one unit of the file's lengths is; default: the metre, or what the file's asset.extras.unit says
@@ -32,7 +39,27 @@ pub struct Args {
     unit: Option<Unit>,
 }
 
+/// The maps and the blade of a leaf whose look is stated.
+fn look(args: &Args, common: &Common) -> Result<u8> {
+    if let Some(unit) = args.unit {
+        return Err(crate::Error::argument("--unit", format!("{unit:?}"), "a plant; a look states width_mm"));
+    }
+    let name = args.plant.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let record = look::run(&Look::read(&args.plant)?, &name, &args.out, false)?;
+    let stated = record.stated();
+    if common.json {
+        crate::print_json(&serde_json::json!({"written": args.out, "kind": record.kind, "stated": stated}))?;
+        return Ok(0);
+    }
+    progress::say(format!("{}: a leaf that is stated, not fitted", args.out.display()));
+    stated.into_iter().for_each(|said| progress::say(format!("  {said}")));
+    Ok(0)
+}
+
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    if args.plant.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        return look(args, common);
+    }
     let (soup, found) = import(&args.plant, args.unit)?;
     let warnings = strange(&soup, &found);
     let mut summary = summary(&found);

@@ -106,6 +106,11 @@ pub const MODELS: [Model; 25] = [
         stress: Some(|| Ok(slab::stress::stress_cases())),
     },
     Model {
+        name: "bands",
+        eval: verb!(eval::bands, "What the bands of a published response see of spectra: sRGB or CIE 1931"),
+        ..NONE
+    },
+    Model {
         name: "gloss",
         fit: verb!(fit::gloss, "Gloss traces of a linear light source, or goniometer samples, from CSV"),
         eval: verb!(eval::gloss, "Traces of a linear light source over a glossy texel"),

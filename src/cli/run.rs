@@ -57,7 +57,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             (Some(named), true) => manifest.resolve(named),
             _ => missing::fit_folder(&manifest, index, &out),
         };
-        stages.time(&format!("fit {name}"), || {
+        let what = if manifest.leaves[index].look.is_some() { "state" } else { "fit" };
+        stages.time(&format!("{what} {name}"), || {
             missing::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)?;
             placed.find_again(&manifest, index, search, &ledger)
         })?;

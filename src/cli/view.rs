@@ -46,6 +46,8 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     let ledger = Ledger::new();
     let search = Search { out: args.out.as_deref(), input_hash: Some(&missing::input_hash), free: true };
     let mut placed = Placed::new(&manifest, search, &ledger)?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
+    placed.make_looks(&manifest, &out, search, &ledger)?;
     if let Some(missing) = placed.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
         return Err(Error::field(
@@ -54,7 +56,6 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
             "not fitted yet; `mesophyll run` fits it, then give its folder by --out",
         ));
     }
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
     // A window may be open for hours. A run or a check of the same scene need not wait for it: what the window writes
     // (screenshots, edited fits) are whole files of their own.
     drop(claim::scene(&out, &args.scene)?);

@@ -212,7 +212,7 @@ fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: Lost) -> Result<Export
 pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Exported> {
     let record = FitRecord::read(folder)?;
     if format == Format::Pivots {
-        let what = format!("{} is a {} fit; --to pivots is for scenes with plants", folder.display(), record.kind);
+        let what = format!("{} is a {}; --to pivots is for scenes with plants", folder.display(), record.kind.words());
         return Err(Error::Usage(what));
     }
     if format == Format::Web {
@@ -232,9 +232,9 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     }
     if matches!(format, Format::Wgsl | Format::C) || !sky.is_plain() {
         let what = format!(
-            "{} is a {} fit; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
+            "{} is a {}; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
             folder.display(),
-            record.kind
+            record.kind.words()
         );
         return Err(Error::Usage(what));
     }
@@ -242,6 +242,10 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         record.verify(folder)?;
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()].into());
+    }
+    if record.kind == FitKind::Look && matches!(format, Format::Packed | Format::Sigma) {
+        let what = "is stated, not fitted: a picture says nothing of γ, σa and σs, which this format holds";
+        return Err(Error::Usage(format!("{}: {what}; expected another format", folder.display())));
     }
     let sides = SideMaps::all(&record, folder)?;
     record.verify(folder)?;
@@ -257,11 +261,12 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
             let loss = record_of_loss(path)?;
             let files = obj::write(&sides, &record, folder, path)?;
             let shown = shown::Shown::of_fit(folder, &sides)?;
-            let unsaid = [
+            let mut unsaid = vec![
                 "transmitted light".to_string(),
                 "its gloss is Phong's, which readers scale differently: the errors are those of its matte colour alone"
                     .to_string(),
             ];
+            unsaid.extend(shown.left_out.iter().cloned());
             let coats = coat::coats(&shown, mesophyll_foreign::target::Target::Obj);
             beside(loss, files, Lost::new("obj", &coats, &unsaid))?
         }

@@ -91,6 +91,11 @@ pub fn plain_name(name: &str) -> String {
     if plain.starts_with(|c: char| c.is_ascii_alphabetic()) { plain } else { format!("n{plain}") }
 }
 
+/// What an export leaves out of a leaf whose look is stated: a measurement, which there is none of.
+pub fn unmeasured(stated: &str) -> String {
+    format!("a measurement of {stated}")
+}
+
 impl Sheet {
     /// Puts a sheet together; `good` says which texels count in the loss.
     fn new(
@@ -257,6 +262,7 @@ impl Shown {
         let sheet = Sheet::of_leaf(&leaf, folder, sides)?;
         let reach = sheet.mesh.positions.iter().flatten().fold(1.0f32, |m, v| m.max(v.abs()));
         let far = 3.2 * f64::from(reach);
+        let stated = leaf.record.stated_in_one();
         let direction = DVec3::new(-0.2, 0.6, 0.77).normalize();
         Ok(Shown {
             name: leaf.name,
@@ -273,7 +279,7 @@ impl Shown {
             size: [800, 600],
             samples: 64,
             exposure: 1.0,
-            left_out: Vec::new(),
+            left_out: stated.iter().map(|said| unmeasured(said)).collect(),
         })
     }
 

@@ -32,7 +32,7 @@ impl SideMaps {
         let sides: Vec<SideMaps> = fitted.map(|s| SideMaps::read(folder, s)).collect::<Result<_>>()?;
         if sides.is_empty() {
             let what = "which has no maps; it can be exported as json";
-            return Err(Error::Usage(format!("{} is a {} fit, {what}", folder.display(), record.kind)));
+            return Err(Error::Usage(format!("{} is a {}, {what}", folder.display(), record.kind.words())));
         }
         Ok(sides)
     }

@@ -7,6 +7,7 @@ pub mod dome;
 pub mod foliar;
 pub mod gloss;
 pub mod leaf;
+pub mod look;
 pub mod photo;
 pub mod slab;
 

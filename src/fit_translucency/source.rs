@@ -81,6 +81,11 @@ impl Source {
     /// field that is missing.
     pub fn read(folder: &Path, frame: Frame) -> Result<Source> {
         let leaf = LeafFit::open(folder)?;
+        if leaf.is_stated() {
+            let what = "is stated, not fitted: a picture says nothing of σa and σs, through which light spreads in a \
+                        leaf; expected a folder of fit leaf";
+            return Err(Error::field(&leaf.record_path(), "kind", what));
+        }
         let texel_mm = leaf.texel_mm()?;
         let mut size = None;
         let mut sides = Vec::new();

@@ -124,6 +124,9 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
     record.options.insert("edited_from".into(), format!("{} ({})", record.name, record.input_hash));
     record.name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     record.termination = None;
+    for name in ["gloss", "thickness"].into_iter().filter(|_| leaf.is_stated()) {
+        record.options.entry(name.into()).and_modify(|said| said.push_str("; changed by hand since"));
+    }
     for side in leaf.sides() {
         image::write_exr(&File::Maps.path(&target, side), &leaf.solved(side)?, Packing::Zip)?;
     }

@@ -68,12 +68,18 @@ pub struct LeafFit {
 }
 
 impl LeafFit {
-    /// Opens the folder of a leaf fit.
+    /// Opens the folder of a leaf fit, or of a stated look.
     ///
     /// # Errors
     /// [`Error::Input`] where there is no fit, or one of something else.
     pub fn open(folder: &Path) -> Result<LeafFit> {
-        LeafFit::open_as(folder, FitKind::Leaf)
+        let look = FitRecord::read(folder).is_ok_and(|record| record.kind == FitKind::Look);
+        LeafFit::open_as(folder, if look { FitKind::Look } else { FitKind::Leaf })
+    }
+
+    /// Whether its look is stated, so that nothing of it was fitted. Its maps are ρd and ρt; there are no σa, σs and γ.
+    pub fn is_stated(&self) -> bool {
+        self.record.kind == FitKind::Look
     }
 
     /// Opens the folder of another fit that keeps its maps a side, such as a translucency fit's.
@@ -215,11 +221,14 @@ impl LeafFit {
     }
 
     /// The maps of a side in which ρd and ρt are computed by the slab, texel by texel, from γ, the thickness and the
-    /// leaf's σa and σs: what an edited leaf reflects and transmits.
+    /// leaf's σa and σs: what an edited leaf reflects and transmits. Those of a stated look are what is stated.
     ///
     /// # Errors
     /// As [`LeafFit::maps`], and for a parameter or a channel that is missing.
     pub fn solved(&self, side: Side) -> Result<Maps> {
+        if self.is_stated() {
+            return self.maps(side).cloned();
+        }
         let (sigma_a, sigma_s) = (self.rgb(side, Quantity::SigmaA)?, self.rgb(side, Quantity::SigmaS)?);
         let mut maps = self.maps(side)?.clone();
         edit::solve(&self.path(File::Maps, side), &mut maps, sigma_a, sigma_s)?;

@@ -2,6 +2,7 @@
 
 use super::foliar::Stated;
 use mesophyll_files::unit::Unit;
+use mesophyll_fit::look::Look;
 use mesophyll_fit_translucency::{Colour, Options, TissueFrom, TissueName};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_surface::basis::Basis;
@@ -48,6 +49,8 @@ pub struct Leaf {
     pub index: Option<f64>,
     /// A reflection that is the same everywhere on the leaf, instead of a fit. It needs a mesh.
     pub uniform: Option<Uniform>,
+    /// Pictures of the leaf instead of a fit.
+    pub look: Option<Look>,
     /// Layers of tissue instead of a fit. They need a mesh.
     pub foliar: Option<Stated>,
     /// The optical model that is computed from those layers.

@@ -137,7 +137,7 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, uniform, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
+            let Leaf { fit, capture, scan, uniform, look, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
                 self.leaves[other].clone();
             let (lobe, index) = (self.leaves[other].lobe, self.leaves[other].index);
             let leaf = &mut self.leaves[k];
@@ -145,7 +145,7 @@ impl Manifest {
                 (leaf.lobe, leaf.index) = (lobe, index);
             }
             (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
-            leaf.layers = layers;
+            (leaf.look, leaf.layers) = (look, layers);
             if leaf.mesh.is_none() && leaf.discs.is_none() {
                 (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
                 (leaf.part, leaf.mesh_up) = (part, mesh_up);

@@ -69,12 +69,19 @@ impl Transfer {
     }
 }
 
-/// Reads a PNG, a TIFF or a JPEG file.
+/// A picture of whole numbers as its file holds it.
+pub(super) struct Decoded {
+    pub(super) image: image::DynamicImage,
+    /// The stated curve, or the file's own where none is stated.
+    pub(super) transfer: Option<Transfer>,
+    pub(super) jpeg: bool,
+}
+
+/// Decodes a PNG, a TIFF or a JPEG file. `transfer` is the stated curve.
 ///
 /// # Errors
-/// [`Error::Input`] for a file that is broken, without colours, too large, or whose own profile says another curve than
-/// `transfer`; for 8 bits a channel without a curve.
-pub(super) fn read(path: &Path, transfer: Transfer) -> Result<Read> {
+/// [`Error::Input`] for a file that is broken or too large, or whose own profile says another curve than `transfer`.
+pub(super) fn decoded(path: &Path, transfer: Option<Transfer>) -> Result<Decoded> {
     let broken = |e: &dyn std::fmt::Display| Error::input(path, format!("not a readable picture: {e}"));
     let open = || -> Result<image::ImageReader<_>> {
         image::ImageReader::open(path)
@@ -90,9 +97,29 @@ pub(super) fn read(path: &Path, transfer: Transfer) -> Result<Read> {
     reader.no_limits();
     let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
     let profile = decoder.icc_profile().ok().flatten();
-    let stated = profile.and_then(|p| curve_of_profile(&p)).or(if png { curve_of_png(path)? } else { None });
-    agrees(path, transfer, stated)?;
+    let own = profile.and_then(|p| curve_of_profile(&p)).or(if png { curve_of_png(path)? } else { None });
+    if let Some(transfer) = transfer {
+        agrees(path, transfer, own)?;
+    }
     let image = image::DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?;
+    Ok(Decoded { image, transfer: transfer.or_else(|| own.and_then(named)), jpeg })
+}
+
+/// The curve of a file that states only an exponent; `None` where no published curve is near it.
+fn named(gamma: Stated) -> Option<Transfer> {
+    match gamma {
+        g if (g - 1.0).abs() < 0.02 => Some(Transfer::Linear),
+        g if (2.1..=2.45).contains(&g) => Some(Transfer::Srgb),
+        _ => None,
+    }
+}
+
+/// Reads a PNG, a TIFF or a JPEG file.
+///
+/// # Errors
+/// As [`decoded`]; [`Error::Input`] for a file without colours, and for 8 bits a channel without a curve.
+pub(super) fn read(path: &Path, transfer: Transfer) -> Result<Read> {
+    let Decoded { image, jpeg, .. } = decoded(path, Some(transfer))?;
     use image::ColorType::{Rgb8, Rgb16, Rgba8, Rgba16};
     let found = image.color();
     if !matches!(found, Rgb8 | Rgba8 | Rgb16 | Rgba16) {
@@ -100,11 +127,8 @@ pub(super) fn read(path: &Path, transfer: Transfer) -> Result<Read> {
         return Err(Error::input(path, format!("found {found:?}, expected {expected}")));
     }
     let coarse = matches!(found, Rgb8 | Rgba8);
-    if coarse && transfer == Transfer::Linear {
-        let what = "found 8 bits a channel and transfer = \"linear\"; 8 bits hold light in proportion too coarsely, \
-                    and cameras write them with a curve: expected the curve's name, such as transfer = \"srgb\", or 16 \
-                    bits";
-        return Err(Error::input(path, what));
+    if coarse {
+        not_too_coarse(path, transfer)?;
     }
     // Numbers of 8 bits become k · 257 of 16, the same shares.
     let decode = |v: u16| {
@@ -112,8 +136,19 @@ pub(super) fn read(path: &Path, transfer: Transfer) -> Result<Read> {
         if v >= CLIPPED { f32::INFINITY } else { transfer.light(f64::from(v)) as f32 }
     };
     let table: Vec<f32> = (0..=u16::MAX).map(decode).collect();
+    let (width, height) = (image.width() as usize, image.height() as usize);
     let pixels = image.into_rgb16().pixels().map(|p| p.0.map(|v| table[usize::from(v)])).collect();
-    Ok((width as usize, height as usize, pixels, coarse.then(|| Steps::new(transfer, jpeg))))
+    Ok((width, height, pixels, coarse.then(|| Steps::new(transfer, jpeg))))
+}
+
+/// Refuses 8 bits a channel in proportion to light.
+pub(super) fn not_too_coarse(path: &Path, transfer: Transfer) -> Result<()> {
+    if transfer != Transfer::Linear {
+        return Ok(());
+    }
+    let what = "found 8 bits a channel and transfer = \"linear\"; 8 bits hold light in proportion too coarsely, and \
+                cameras write them with a curve: expected the curve's name, such as transfer = \"srgb\", or 16 bits";
+    Err(Error::input(path, what))
 }
 
 /// The curve that a file states: 1 is linear, and that of sRGB counts as about 2.2.
@@ -130,7 +165,7 @@ fn agrees(path: &Path, transfer: Transfer, stated: Option<Stated>) -> Result<()>
         _ if linear => "another transfer; expected transfer = \"linear\"",
         _ => return Ok(()),
     };
-    Err(Error::input(path, format!("the file's own colour profile says {named}, and capture.toml says {what}")))
+    Err(Error::input(path, format!("the file's own colour profile says {named}, and what is stated is {what}")))
 }
 
 /// The exponent of the red curve of an ICC profile; `None` where it has none.

@@ -1,7 +1,7 @@
 //! What photographs show before anyone waits for a fit. Everything that the reduction finds is looked at.
 
 use super::manifest::Manifest;
-use super::reduce::reduce;
+use super::reduce::{DARK, reduce};
 use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -60,6 +60,13 @@ pub fn inspect(folder: &Path) -> Inspection {
                 let what = "the outline fits after a large turn as well, and the texture does not say which is \
                             right; make sure that the leaf lies the same way in all pictures";
                 found.warnings.push(what.into());
+            }
+            for side in [Side::Front, Side::Back] {
+                if r.side(side).figures.get(DARK).is_some_and(|d| *d > 0.0) {
+                    let what = "nearly as dark as the sheet; its outline is that of the light table, laid over the \
+                                place that differs from the sheet";
+                    found.notes.push(format!("{}: {what}", side.name()));
+                }
             }
             if !r.scale.by_ticks {
                 found.notes.push("the ticks of the ruler were not seen; its two marks alone give the scale".into());

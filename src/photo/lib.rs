@@ -10,7 +10,9 @@
 #![warn(missing_docs)]
 
 mod coded;
+pub mod colours;
 mod diffuse;
+mod faint;
 mod gloss;
 mod grid;
 mod inspect;

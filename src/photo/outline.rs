@@ -13,23 +13,25 @@ const BRIGHTER: f64 = 1.5;
 /// Pixels of a sample for a quantile.
 const SAMPLE: usize = 200_000;
 /// Smallest leaf (pixels).
-const SMALLEST: usize = 400;
+pub(super) const SMALLEST: usize = 400;
 /// Pieces that may be the leaf, the largest first. A ruler may be many times as large as the leaf.
 pub const PIECES: usize = 6;
 
 /// What lies on the sheet in a picture in open shade.
 #[derive(Debug)]
 pub struct Outline {
-    /// Masks of the pieces that may be the leaf, the largest first; holes are filled.
+    /// Masks of the pieces that may be the leaf, the largest first; holes are filled. None where nothing stands out.
     pub candidates: Vec<Vec<bool>>,
     /// Whatever is brighter than the sheet.
     pub bright: Vec<bool>,
     /// Whether a piece that may be the leaf touches the border.
     pub at_border: bool,
+    /// Median brightness of the first candidate over the sheet's.
+    pub contrast: f64,
 }
 
 /// A quantile of about [`SAMPLE`] finite values.
-fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> f64 {
+pub(super) fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> f64 {
     let mut list: Vec<f64> = values.step_by((count / SAMPLE).max(1)).filter(|v| v.is_finite()).map(f64::from).collect();
     if list.is_empty() { f64::NAN } else { quantile(&mut list, q) }
 }
@@ -41,10 +43,7 @@ fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> f64 {
 /// sheet's brightness is first the first quintile of the picture, then the light that the sheet shows ([`Light`]). The
 /// edge of a piece lies halfway, in ratio, between the sheet and the piece's own median: a white ruler's edge is not
 /// the leaf's.
-///
-/// # Errors
-/// [`Error::Input`] where nothing stands out, or where the largest piece touches the border.
-pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Result<Outline> {
+pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Outline {
     let (w, h) = (picture.width, picture.height);
     let sheet = [0, 1, 2].map(|c: usize| level(picture.pixels.iter().map(|v| v[c]), w * h, 0.2).max(1e-9));
     // A clipped pixel is brighter than the sheet, one without a reading is not known to be.
@@ -73,15 +72,16 @@ pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Result<Outli
     let (label, sizes) = free(BRIGHTER);
     let mut order: Vec<usize> = (1..sizes.len()).filter(|&p| sizes[p] >= SMALLEST).collect();
     order.sort_unstable_by_key(|&p| (usize::MAX - sizes[p], p));
+    let mut found = Outline { candidates: Vec::new(), bright: Vec::new(), at_border: false, contrast: f64::NAN };
     if order.is_empty() {
-        let what = "no leaf stands out from the sheet; expected a piece brighter than 1.5 times the sheet";
-        return Err(Error::input(&picture.path, what));
+        found.bright = over(&contrast, BRIGHTER);
+        return found;
     }
-    let mut found = Outline { candidates: Vec::new(), bright: Vec::new(), at_border: false };
     let mut lowest = BRIGHTER;
     for piece in order.into_iter().take(PIECES) {
         let on = || (0..w * h).filter(|&k| label[k] as usize == piece);
-        let threshold = level(on().map(|k| contrast[k]), sizes[piece], 0.5).sqrt();
+        let median = level(on().map(|k| contrast[k]), sizes[piece], 0.5);
+        let threshold = median.sqrt();
         let (own, own_sizes) = free(threshold);
         // The part of the piece that is left, or what it has become.
         let mut shared = vec![0usize; own_sizes.len()];
@@ -92,6 +92,9 @@ pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Result<Outli
         if touches_border(&mask, w, h) {
             found.at_border = true;
         } else {
+            if found.candidates.is_empty() {
+                found.contrast = median;
+            }
             found.candidates.push(mask);
             lowest = lowest.min(threshold);
             if found.candidates.len() == most {
@@ -99,18 +102,15 @@ pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Result<Outli
             }
         }
     }
-    if found.candidates.is_empty() {
-        return Err(border(&picture.path));
-    }
     found.bright = over(&contrast, lowest);
-    Ok(found)
+    found
 }
 
 /// The leaf on the light table: the largest piece that darkens it. `ratio` is the picture with the leaf over the bare
 /// table, NaN off the table.
 ///
 /// # Errors
-/// As [`on_sheet`].
+/// [`Error::Input`] where nothing is darker than the table, and where the leaf touches the border.
 pub fn on_table(picture: &Picture, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
     let (w, h) = (picture.width, picture.height);
     let (label, sizes) = pieces(&mask_from_transmission(ratio, w, h), w, h);
@@ -123,7 +123,7 @@ pub fn on_table(picture: &Picture, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
 }
 
 /// The refusal of a picture whose leaf is not wholly inside.
-pub fn border(path: &Path) -> Error {
+pub(super) fn border(path: &Path) -> Error {
     Error::input(
         path,
         "the leaf, or something beside card and ruler, touches the border of the picture; expected the whole leaf \
@@ -131,12 +131,12 @@ pub fn border(path: &Path) -> Error {
     )
 }
 
-fn touches_border(mask: &[bool], w: usize, h: usize) -> bool {
+pub(super) fn touches_border(mask: &[bool], w: usize, h: usize) -> bool {
     (0..w).any(|i| mask[i] || mask[(h - 1) * w + i]) || (0..h).any(|j| mask[j * w] || mask[j * w + w - 1])
 }
 
 /// The mask without its holes: pieces of the outside that do not reach the border.
-fn filled(mask: Vec<bool>, w: usize, h: usize) -> Vec<bool> {
+pub(super) fn filled(mask: Vec<bool>, w: usize, h: usize) -> Vec<bool> {
     let outside: Vec<bool> = mask.iter().map(|m| !m).collect();
     let (label, sizes) = pieces(&outside, w, h);
     let mut open = vec![false; sizes.len()];

@@ -8,11 +8,12 @@
 //!   underside makes the table behind it brighter by ([`super::returned`]).
 //! - One grid: whole pixels of the front's picture. The other pictures are sampled where their outlines put each place.
 
+use super::faint;
 use super::gloss::{Gloss, LOBE, gloss};
 use super::grid::{Grid, grid};
 use super::manifest::Manifest;
 use super::noise::Noise;
-use super::outline::{PIECES, border, on_sheet, widened};
+use super::outline::{Outline, PIECES, border, on_sheet, widened};
 use super::picture::Picture;
 use super::reduced::{Reduced, ReducedSide};
 use super::register::{Mask, register};
@@ -27,6 +28,9 @@ use mesophyll_capture::dome::noise::quantile;
 use mesophyll_optics::defect::{Defect, GOOD};
 use mesophyll_optics::side::{Side, mirror};
 use std::path::Path;
+
+/// Figure: 1 where a side is nearly as dark as the sheet, so that its outline is that of the light table.
+pub const DARK: &str = "outline_of_light_table";
 
 /// Relative error of the light that comes back through the leaf from the sheet, beside that of the sheet's reflectance.
 const BEHIND: f64 = 0.3;
@@ -54,36 +58,61 @@ pub fn reduce(folder: &Path, m: &Manifest) -> Result<Reduced> {
         let [x, y] = [0, 1].map(|k| (a[k] + s * (b[k] - a[k])) as usize);
         y * picture.width + x
     }));
-    let mut outline = on_sheet(&picture, &other, 1)?;
-    let front_mask = outline.candidates.swap_remove(0);
+    let mut outline = on_sheet(&picture, &other, 1);
+    let (picture, by_table) = if faint::is_poor(&outline) {
+        drop(picture);
+        let found = faint::by_table(folder, m, &front_path, &other, &outline)?;
+        (Picture::read(&front_path, m)?, found)
+    } else {
+        (picture, None)
+    };
+    let dark = by_table.as_ref().map(|found| found.apart_px);
+    let (front_mask, bright) = match by_table {
+        Some(found) => (found.mask, found.bright),
+        None => (outline.candidates.swap_remove(0), outline.bright),
+    };
     let front_outline = Mask { inside: &front_mask, width: picture.width };
     let grid = grid(folder, m, &front_mask, &picture, scale)?;
     let texels = grid.width * grid.height;
     let mut mask: Vec<bool> = (0..texels).map(|k| front_outline.holds(grid.middle(k))).collect();
-    let front = lit(folder, m, &picture, &card, &outline.bright, &grid, &mask, None, &noise, "front")?;
+    let front = lit(folder, m, &picture, &card, &bright, &grid, &mask, None, &noise, "front")?;
     drop(picture);
 
     let picture = Picture::read(&back_path, m)?;
     let card = card_pixels(folder, &picture, &m.back, "back.card")?;
     let back_noise = noise_on(folder, m, &picture, m.back.card, "back.card")?;
-    let outline = on_sheet(&picture, &card, PIECES)?;
+    let outline = on_sheet(&picture, &card, PIECES);
+    let overlap = |outline: &Outline| {
+        let of =
+            |c: &Vec<bool>| Some(register(front_outline, Mask { inside: c, width: picture.width }, true)?.best.overlap);
+        outline.candidates.iter().filter_map(of).fold(0.0, f64::max)
+    };
+    // A side that is too dark shows only where it lies; its outline is the front's.
+    let standing_out = overlap(&outline);
+    let dark_outline = if standing_out < OVERLAP { faint::on_dark_sheet(&picture, &card).ok() } else { None };
+    let (outline, rough) = match dark_outline.filter(|dark| overlap(dark) >= OVERLAP) {
+        Some(dark) => (dark, true),
+        None => (outline, false),
+    };
     let matches = outline.candidates.iter().filter_map(|c| {
         let candidate = Mask { inside: c, width: picture.width };
         Some((candidate, register(front_outline, candidate, true)?))
     });
     let best = matches.max_by(|a, b| a.1.best.overlap.total_cmp(&b.1.best.overlap));
-    let Some((back_outline, back_match)) = best else { return Err(mismatch(&back_path, 0.0)) };
+    let Some((back_outline, back_match)) = best else {
+        return Err(if outline.at_border { border(&back_path) } else { mismatch(&back_path, 0.0) });
+    };
     if outline.at_border && back_match.best.overlap < OVERLAP {
         return Err(border(&back_path));
     }
     judge(&back_path, front_outline, back_outline, &back_match.best, true, "turned over")?;
     let back_chosen = choose(&grid, &mask, &front.value, &picture, back_match);
     let back_match = back_chosen.found;
-    (0..texels).for_each(|k| mask[k] &= back_outline.holds(back_match.motion.at(grid.middle(k))));
+    (0..texels).for_each(|k| mask[k] &= rough || back_outline.holds(back_match.motion.at(grid.middle(k))));
     let back = lit(folder, m, &picture, &card, &outline.bright, &grid, &mask, Some(&back_match), &back_noise, "back")?;
     drop((picture, outline));
 
-    let views = Views::read(folder, m, front_outline, &front.value, &grid, &mut mask, &noise)?;
+    let views = Views::read(folder, m, front_outline, &front.value, &grid, &mut mask, &noise, dark.unwrap_or(0.0))?;
     let apart = views.each().map(|v| v.found.found.apart_px).fold(back_match.apart_px, f64::max);
     let outside: Vec<bool> = mask.iter().map(|m| !m).collect();
     let reach = ((1.5 + 2.0 * apart) / grid.step as f64).ceil() as usize;
@@ -100,6 +129,9 @@ pub fn reduce(folder: &Path, m: &Manifest) -> Result<Reduced> {
     let mut front = of(Side::Front, front, 0, None);
     let mut back = of(Side::Back, back, 1, Some(&back_chosen));
     name_energy(&mut front, &mut back);
+    for (side, dark) in [(&mut front, dark.is_some()), (&mut back, rough)] {
+        side.figures.insert(DARK, f64::from(u8::from(dark)));
+    }
     for map in [&mut back.rho_d, &mut back.rho_d_err, &mut back.rho_t, &mut back.rho_t_err] {
         *map = mirror(map, grid.width);
     }

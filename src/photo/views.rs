@@ -24,7 +24,8 @@ pub(super) struct Views {
 }
 
 impl Views {
-    /// Reads the pictures. `seen` is what the front shows in open shade. Takes texels that are not on the leaf in all
+    /// Reads the pictures. `seen` is what the front shows in open shade. By at least `least_apart_px` (pixels of the
+    /// front's picture) a view may lie askew, whatever its outline says. Takes texels that are not on the leaf in all
     /// of them from `mask`.
     ///
     /// # Errors
@@ -37,6 +38,7 @@ impl Views {
         grid: &Grid,
         mask: &mut [bool],
         noise: &Noise,
+        least_apart_px: f64,
     ) -> Result<Views> {
         let bare = Picture::read(&folder.join(&m.light_table.bare), m)?;
         let mut view = |file: &str, side: Side, way: &str| {
@@ -47,7 +49,8 @@ impl Views {
             let mirrored = side == Side::Back;
             let Some(found) = register(front, outline, mirrored) else { return Err(mismatch(&path, 0.0)) };
             judge(&path, front, outline, &found.best, mirrored, way)?;
-            let found = choose(grid, mask, seen, &picture, found);
+            let mut found = choose(grid, mask, seen, &picture, found);
+            found.found.apart_px = found.found.apart_px.max(least_apart_px);
             (0..mask.len()).for_each(|k| mask[k] &= outline.holds(found.found.motion.at(grid.middle(k))));
             Ok(over_bare(&picture, &bare, &table, grid, mask, found, noise))
         };

@@ -15,7 +15,7 @@ use mesophyll_files::unit::Unit;
 use mesophyll_flora::import::{plant::part, soup};
 use mesophyll_flora::{file, grow};
 use mesophyll_leaf::{BLADE, LeafFit};
-use mesophyll_manifest::{Manifest, Up, ViewKind};
+use mesophyll_manifest::{Interior, Leaf as Config, Manifest, Up, ViewKind};
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
@@ -94,6 +94,12 @@ impl Leaf {
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
             );
         }
+        let compared = [ViewKind::Card, ViewKind::Capture].into_iter().any(|kind| shown_by(kind).next().is_some());
+        if compared && out.fitted.as_ref().is_some_and(LeafFit::is_stated) {
+            let what = "stated, not fitted; a card, and a view as its scan saw it, compare a leaf with its tissue, of \
+                        which a picture says nothing: expected a fitted leaf";
+            return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", leaf.name), what));
+        }
         if made.is_some() || out.uniform {
             let own = || made.map_or_else(PathBuf::new, |folder| folder.join(BLADE));
             let given = leaf.mesh.as_ref().or(leaf.discs.as_ref());
@@ -147,6 +153,11 @@ impl Leaf {
         let mut turned = LeafMesh::default();
         turned.append(&mesh, DMat4::from_rotation_x(FRAC_PI_2));
         Ok(turned)
+    }
+
+    /// The source of its ρd and ρt: what the scene asks of a fit, and maps of a stated look, which has nothing else.
+    pub fn interior(&self, config: &Config) -> Interior {
+        if self.fitted.as_ref().is_some_and(LeafFit::is_stated) { Interior::Maps } else { config.interior }
     }
 
     /// File name of its mesh.

@@ -142,6 +142,23 @@ impl Placed {
         Ok(())
     }
 
+    /// A sentence for each leaf whose look is stated and not fitted, with all that is stated.
+    pub fn stated(&self) -> Vec<String> {
+        self.leaves.iter().filter_map(|l| l.fitted.as_ref()?.record.stated_in_one()).collect()
+    }
+
+    /// Makes the maps of leaves whose look is stated, in a run's folder `out`. That takes seconds, unlike a fit.
+    ///
+    /// # Errors
+    /// As [`missing::fit`].
+    pub fn make_looks(&mut self, manifest: &Manifest, out: &Path, search: Search, ledger: &Ledger) -> Result<()> {
+        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look.is_some()) {
+            missing::fit(manifest, index, out, &missing::fit_folder(manifest, index, out), false, ledger)?;
+            self.find_again(manifest, index, Search { out: Some(out), ..search }, ledger)?;
+        }
+        Ok(())
+    }
+
     /// Makes the missing translucency maps of leaves that have their own fits, in a run's folder `out`.
     ///
     /// # Errors

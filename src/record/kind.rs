@@ -1,5 +1,6 @@
 //! The kinds of fit folder.
 
+use mesophyll_files::claim;
 use serde::{Deserialize, Serialize};
 use strum::{Display, IntoStaticStr};
 
@@ -11,6 +12,8 @@ pub enum FitKind {
     /// A leaf's maps and leaf-wide figures, from a scan, a dome or light boxes.
     #[default]
     Leaf,
+    /// A leaf whose look is stated by pictures: the maps of a leaf, of which nothing was fitted.
+    Look,
     /// How light spreads inside a leaf, from narrow beams.
     Tissue,
     /// How the light that comes through a leaf depends on its direction.
@@ -33,5 +36,10 @@ impl FitKind {
     /// Its name in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
+    }
+
+    /// What a folder of it is called.
+    pub fn words(self) -> String {
+        claim::fit_words(self.name())
     }
 }

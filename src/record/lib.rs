@@ -131,6 +131,9 @@ pub const DISCARDED: &str = "readings_discarded";
 /// Count: readings of the texels that were fitted, with those left out.
 pub const READINGS: &str = "readings";
 
+/// An option that begins with this is a value that nobody measured or fitted.
+pub const STATED: &str = "stated: ";
+
 /// Figures that exist where the truth has another gauge than the fit. This one is the mean true thickness over the good
 /// texels relative to the fit's, less 1.
 pub const GAUGE_THICKNESS: &str = "gauge_of_truth_thickness_relative";
@@ -244,6 +247,18 @@ impl FitRecord {
             return Err(Error::field(&path, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
         }
         Ok(record)
+    }
+
+    /// Everything that a look states in place of a fit, a sentence each; empty for fits.
+    pub fn stated(&self) -> Vec<String> {
+        let options = self.options.iter().filter(|_| self.kind == FitKind::Look);
+        options.filter_map(|(name, text)| Some(format!("{name}: {}", text.strip_prefix(STATED)?))).collect()
+    }
+
+    /// The same in one sentence; nothing for fits.
+    pub fn stated_in_one(&self) -> Option<String> {
+        let all = self.stated();
+        (!all.is_empty()).then(|| format!("{}: stated, not fitted: {}", self.name, all.join("; ")))
     }
 
     /// Hashes `fit.toml` and every file named in `files` afresh and compares.

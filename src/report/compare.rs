@@ -17,7 +17,7 @@ pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {
     let key = |p: &ParameterRow| (p.section.clone(), p.name.clone(), p.channel.clone());
     let mut notes = Vec::new();
     if first.kind != second.kind {
-        notes.push(format!("{} is a {} fit and {} a {} fit", first.name, first.kind, second.name, second.kind));
+        notes.push(format!("{} is a {} and {} a {}", first.name, first.kind.words(), second.name, second.kind.words()));
     }
     if first.input_hash == second.input_hash && !first.input_hash.is_empty() {
         notes.push("both state the same input hash".into());

@@ -86,6 +86,7 @@ fn fit(f: &FitReport) -> Value {
     context! {
         row => Serde(f),
         word => f.verdict.level.word(),
+        kind_words => f.kind.words(),
         coloured => lines.iter().any(|l| l.cells.len() == 3),
         rule => if f.parameters.iter().any(|p| p.undetermined.is_some()) { view::RULE } else { "" },
         caliper => if f.parameters.iter().any(|p| p.stderr_caliper.is_some()) { view::CALIPER } else { "" },

@@ -75,7 +75,7 @@ fn reasons(out: &mut String, v: &Verdict) {
 }
 
 fn fit(out: &mut String, f: &FitReport) {
-    heading(out, 2, &format!("{} ({} fit)", f.name, f.kind));
+    heading(out, 2, &format!("{} ({})", f.name, f.kind.words()));
     let _ = writeln!(out, "\n**{}**", inline(&f.verdict.sentence));
     reasons(out, &f.verdict);
     if !f.parameters.is_empty() {

@@ -94,9 +94,10 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     residuals::sides(record, &mut say);
     held_out::reasons(&report.held_out, &mut say);
     parameters(report, &mut say);
-    if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency) {
-        say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
-    }
+    let doubt = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency);
+    let doubt = doubt.map(|doubt| format!("{doubt}; the maps are not to be relied on"));
+    let stated = record.stated_in_one().map(|said| format!("{said}; nothing of it was measured"));
+    doubt.into_iter().chain(stated).for_each(|text| say(Level::Doubtful, text));
     match mesophyll_fit::consistency::of(folder) {
         Ok(faults) => {
             faults.all().for_each(|what| say(Level::Bad, what.clone()));

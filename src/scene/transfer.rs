@@ -106,7 +106,7 @@ pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<O
     };
     if let Some(missing) = scene.placed.unfitted().first() {
         let leaf = format!("leaf \"{}\"", scene.manifest.leaves[*missing].name);
-        let why = "not fitted yet; `mesophyll run` fits what a scene needs";
+        let why = "its maps are not made yet; `mesophyll run` makes what a scene needs";
         return Err(Error::field(&scene.manifest.path, &leaf, why));
     }
     let of = of(scene, &options, ledger)?;

@@ -63,7 +63,9 @@ fn slabs(scene: &Scene) -> Result<Vec<LeafSlabs>> {
     let mut out = Vec::new();
     // `drawn` has the order of the renderer's materials.
     for (material, leaf) in scene.drawn().enumerate() {
-        let Some(fitted) = leaf.placed.fitted.as_ref().filter(|_| leaf.config.interior == Interior::Scalars) else {
+        let Some(fitted) =
+            leaf.placed.fitted.as_ref().filter(|_| leaf.placed.interior(leaf.config) == Interior::Scalars)
+        else {
             continue;
         };
         let sides = Sides::try_of(|side| {

@@ -34,6 +34,7 @@ pub mod panorama;
 pub mod preetham;
 pub mod project;
 pub mod quadrature;
+pub mod response;
 pub mod sun;
 pub mod window;
 

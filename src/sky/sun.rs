@@ -43,7 +43,7 @@ pub fn transmittance(nm: f64, sun_zenith: f64, turbidity: f64) -> f64 {
 }
 
 /// CIE 1931 colour matching functions, the closed forms of Wyman, Sloan and Shirley 2013, Eq. 4.
-fn matching(nm: f64) -> [f64; 3] {
+pub(crate) fn matching(nm: f64) -> [f64; 3] {
     let bell = |at: f64, below: f64, above: f64| {
         let t = (nm - at) * if nm < at { below } else { above };
         (-0.5 * t * t).exp()

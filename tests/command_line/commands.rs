@@ -253,6 +253,11 @@ fn the_commands_of_the_photo_page_run() {
 }
 
 #[test]
+fn the_commands_of_the_looks_page_run() {
+    assert_eq!(run_page("docs/looks.md", false), [4, 0]);
+}
+
+#[test]
 fn the_commands_of_the_plants_page_run() {
     assert_eq!(run_page("docs/plants.md", false), [11, 0]);
 }
@@ -279,6 +284,7 @@ fn the_list_of_what_is_left_out_is_true() {
             "good.md",
             "export.md",
             "photo.md",
+            "looks.md",
             "web.md",
         ]
         .iter()

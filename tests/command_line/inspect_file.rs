@@ -153,6 +153,8 @@ fn other_files_are_told_by_their_content() {
         ("data/plants/wych-elm.toml", "a plant", "mesophyll grow"),
         ("data/grass/lawn.toml", "a meadow", "mesophyll grow"),
         ("data/leaves/elm.toml", "synthetic leaf", "mesophyll synth"),
+        ("data/looks/elm.toml", "a leaf's look", "mesophyll import"),
+        ("data/looks/scene.toml", "a scene", "mesophyll render"),
         ("data/tables/device.toml", "linear light source", "mesophyll fit gloss --geometry"),
         ("data/plants/two-species.glb", "glTF", "mesophyll import"),
         ("fits/elm/fit.toml", "record of a fit", "mesophyll report fits/elm"),

@@ -14,6 +14,7 @@ mod held_out;
 mod inspect;
 mod leaf_fit;
 mod photo;
+mod photo_dark;
 mod photo_input;
 #[path = "../samples/mod.rs"]
 mod samples;

@@ -111,7 +111,7 @@ fn a_photographed_leaf_is_found_within_its_errors() {
 /// Root mean square of (found − truth − the leaf's mean of that)/error over the good texels of each side, channel by
 /// channel. What all texels share is left out, so it is 1 where the errors of single texels are right. `rho_d` holds
 /// the place-to-place variation of gloss, which the errors bound; `shown` is ρd with gloss, without that part.
-fn scatter(folder: &Path) -> Vec<(String, f64)> {
+pub(crate) fn scatter(folder: &Path) -> Vec<(String, f64)> {
     let reduced = reduce(folder, &Manifest::read(folder).unwrap()).unwrap();
     let mut found = Vec::new();
     for side in [Side::Front, Side::Back] {

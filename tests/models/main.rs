@@ -2,6 +2,7 @@
 //!
 //! These tests are one program, because building a program for each of them takes longer than running most of them.
 
+mod bands;
 mod beam;
 #[path = "../common/mod.rs"]
 mod common;

@@ -21,6 +21,7 @@ mod grass_light;
 mod grass_pass;
 mod grass_tiling;
 mod lawn;
+mod look;
 #[cfg(feature = "render")]
 mod parts;
 mod pivots;

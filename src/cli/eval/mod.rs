@@ -5,6 +5,7 @@ use crate::Result;
 use crate::models::{Chosen, Model, Offers, Verb};
 
 pub mod abm;
+pub mod bands;
 pub mod beam;
 pub mod canopy;
 pub mod dipole;

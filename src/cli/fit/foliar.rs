@@ -1,12 +1,10 @@
 //! `mesophyll fit foliar`: R and T at some wavelengths in, pigments and the epidermis's oblateness out.
 
-use super::spectra::{self, Column, LEAF, Long, Shares};
+use super::spectra::{self, Column, Long, Shares};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
-use mesophyll_files::table::{
-    Answer, Batch, BatchIo, GroupRow, Groups, LeftOut, Physical, Spec, Table, Tally, counted,
-};
+use mesophyll_files::table::{Answer, Batch, BatchIo, GroupRow, LeftOut, Physical, Spec, Table, Tally, counted};
 use mesophyll_files::{atomic, progress};
 use mesophyll_fit::foliar::surface::{MOST_OBLATE, Setting};
 use mesophyll_fit::foliar::{Known, Model, Parameter, Reading, pigments};
@@ -14,7 +12,7 @@ use mesophyll_optics::foliar::pigments::Spectrum;
 use mesophyll_optics::foliar::{Oblateness, Path};
 use mesophyll_optics::side::Side;
 use mesophyll_report::spectrum::{self, Line, Panel};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
@@ -247,26 +245,6 @@ fn wide(
     Ok((tally, stated))
 }
 
-/// All rows of a table in long form, grouped by leaf. A table without a column of leaves holds one leaf, named as the
-/// file, where no wavelength is repeated.
-fn leaves(table: Table, spec: &Spec) -> Result<Groups> {
-    if let Some(by) = LEAF.into_iter().find(|by| table.column(by).is_some()) {
-        return Groups::read(table, spec, by);
-    }
-    let (name, source) = (table.name().to_path_buf(), table.source().to_path_buf());
-    let groups = Groups::one(table, spec, LEAF[0], &spectra::only_leaf(&source))?;
-    let mut seen = HashSet::new();
-    if let Some(row) = groups.rows().find(|row| !seen.insert((row.values[0].to_bits(), row.texts[0].clone()))) {
-        let what = format!(
-            "no such column, and the wavelength {} of line {} is there before; expected the name of the leaf in each \
-             row",
-            row.values[0], row.line
-        );
-        return Err(Error::field(&name, LEAF[0], what));
-    }
-    Ok(groups)
-}
-
 /// One row for each wavelength. Also returns whether the noise is stated.
 fn long(
     args: &Args,
@@ -292,7 +270,7 @@ fn long(
     let mut spec = asked_of(columns, given, Vec::new());
     spec.required = vec![wavelength.clone()];
     spec.physical.push(Physical::not_negative(spec.required.clone()));
-    let groups = leaves(table, &spec)?;
+    let groups = spectra::leaves(table, &spec)?;
     let sink = groups.open(&args.io.rows(common.json))?;
     if let Some(folder) = &args.plots {
         atomic::probe_folder(folder)?;

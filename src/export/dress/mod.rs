@@ -13,12 +13,13 @@ mod wanted;
 
 use crate::coat::{Coat, Lost};
 use crate::gltf::{lit, material};
-use crate::shown::{Sheet, plain_name};
+use crate::shown::{Sheet, plain_name, unmeasured};
 use crate::{Error, Exported, Result};
 use mesophyll_files::glb::Glb;
 use mesophyll_files::gltf_file;
 use mesophyll_foreign::target::Target;
 use mesophyll_optics::side::Side;
+use mesophyll_record::FitRecord;
 use plan::Plan;
 use primitive::Work;
 use serde_json::{Value, json};
@@ -141,7 +142,11 @@ pub fn dress(path: &Path, leaves: &[Leaf], options: Options, out: &Path) -> Resu
         }
         root["extensionsUsed"] = json!(names);
         file.write(out, root)?;
-        let lost = Lost::new("gltf-translucent", &coats, &done.undressed);
+        let mut unsaid = done.undressed.clone();
+        for leaf in leaves {
+            unsaid.extend(FitRecord::read(&leaf.fit)?.stated_in_one().iter().map(|said| unmeasured(said)));
+        }
+        let lost = Lost::new("gltf-translucent", &coats, &unsaid);
         done.exported = crate::beside(record.clone(), vec![out.to_path_buf()], lost)?;
         Ok(done)
     })

@@ -9,6 +9,11 @@ use std::path::Path;
 /// So much of a file is looked at to tell what it is (bytes); a header of a table may be long.
 const LONGEST_HEAD: u64 = 1 << 20;
 
+/// What a folder with a `fit.toml` of this kind is called. In a look nothing was fitted.
+pub fn fit_words(kind: &str) -> String {
+    if kind == "look" { "stated look".into() } else { format!("{kind} fit") }
+}
+
 /// What a folder holds, in words for a message, and whether it is of the kind that claims it.
 pub(super) struct Held {
     pub words: String,
@@ -96,7 +101,7 @@ pub(super) fn fit_there(folder: &Path) -> Option<FitThere> {
     let files =
         table.get("files").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect()).unwrap_or_default();
     let words = match (text("kind"), text("name")) {
-        (Some(kind), name) => format!("the {kind} fit \"{}\"", name.unwrap_or_default()),
+        (Some(kind), name) => format!("the {} \"{}\"", fit_words(&kind), name.unwrap_or_default()),
         _ => "a fit.toml that says no kind".into(),
     };
     Some(FitThere { kind: text("kind"), files, words })

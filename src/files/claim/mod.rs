@@ -13,6 +13,7 @@ mod tests;
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
+pub use held::fit_words;
 use held::{fit_there, holds, is_capture, is_own, marked, marks, stranger};
 pub use lock::{Claim, Use, undo};
 use std::fs;
@@ -48,7 +49,7 @@ pub enum Kind<'a> {
 impl Kind<'_> {
     fn words(self) -> String {
         match self {
-            Kind::Fit(kind) => format!("{kind} fit"),
+            Kind::Fit(kind) => fit_words(kind),
             Kind::Capture => "capture".into(),
             Kind::Scene => "run or a check".into(),
             Kind::Render => "folder of rendered pictures".into(),

@@ -2,6 +2,7 @@
 
 use super::place::Place;
 use crate::{Interior, Leaf, Result, Uniform};
+use mesophyll_fit::look::Look;
 use mesophyll_optics::gloss::LobeKind;
 use mesophyll_transport::lobe::M_FLOOR;
 
@@ -11,9 +12,12 @@ pub fn leaves(p: &Place) -> Result<()> {
     for (i, leaf) in p.manifest.leaves.iter().enumerate() {
         names.take(i, &leaf.name)?;
         let fitted = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
-        let own = fitted || leaf.uniform.is_some() || leaf.foliar.is_some();
+        let own = fitted || leaf.uniform.is_some() || leaf.foliar.is_some() || leaf.look.is_some();
         if let Some(uniform) = &leaf.uniform {
             one_uniform(p, i, leaf, uniform, fitted)?;
+        }
+        if let Some(look) = &leaf.look {
+            one_look(p, i, leaf, look, fitted)?;
         }
         if leaf.foliar.is_some() {
             if leaf.uniform.is_some() {
@@ -32,7 +36,7 @@ pub fn leaves(p: &Place) -> Result<()> {
                     HEADER,
                     i,
                     "like",
-                    "given beside a fit, capture, scan, uniform or foliar of its own; expected one of the two",
+                    "given beside a fit, capture, scan, look, uniform or foliar of its own; expected one of the two",
                 ));
             }
             if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
@@ -48,7 +52,7 @@ pub fn leaves(p: &Place) -> Result<()> {
                 HEADER,
                 i,
                 "fit",
-                "missing; expected a fit folder, a capture, a scan, uniform or foliar",
+                "missing; expected a fit folder, a capture, a scan, a look, uniform or foliar",
             ));
         }
         let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
@@ -129,6 +133,26 @@ fn without_maps(p: &Place, i: usize, key: &str, leaf: &Leaf, fitted: bool) -> Re
         (None, None) => Err(p.error(HEADER, i, "mesh", format!("missing; a {key} leaf needs a mesh, or discs"))),
         (Some(_), Some(_)) => Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
         _ => Ok(()),
+    }
+}
+
+/// Checks a leaf whose look is stated by pictures. What they hold is checked where they are read.
+fn one_look(p: &Place, i: usize, leaf: &Leaf, look: &Look, fitted: bool) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    for (other, given) in [
+        ("fit, capture or scan", fitted),
+        ("uniform", leaf.uniform.is_some()),
+        ("foliar", leaf.foliar.is_some()),
+        ("translucency, which needs the σa and σs of a fit", leaf.translucency.is_some()),
+        ("interior, of which a look has one only", leaf.interior != Interior::default()),
+    ] {
+        if given {
+            return Err(p.error(HEADER, i, "look", format!("given beside {other}; expected one of the two")));
+        }
+    }
+    match look.fault() {
+        Some((field, what)) => Err(p.error(HEADER, i, "look", format!("{field}: {what}"))),
+        None => Ok(()),
     }
 }
 

@@ -81,9 +81,10 @@ impl<'a> Place<'a> {
     /// Checks that the leaf of a view that compares it with its fit exists and is fitted.
     pub fn fitted_leaf(&self, header: &str, index: usize, name: &str) -> Result<()> {
         self.leaf(header, index, "leaf", name)?;
-        let stated = |leaf: &Leaf| match (&leaf.uniform, &leaf.foliar) {
-            (Some(_), _) => Some("uniform"),
-            (_, Some(_)) => Some("stated by its layers"),
+        let stated = |leaf: &Leaf| match (&leaf.uniform, &leaf.foliar, &leaf.look) {
+            (Some(_), ..) => Some("uniform"),
+            (_, Some(_), _) => Some("stated by its layers"),
+            (.., Some(_)) => Some("stated by its look"),
             _ => None,
         };
         match self.manifest.leaf_index(name).and_then(|k| stated(&self.manifest.leaves[k])) {

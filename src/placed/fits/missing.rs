@@ -36,15 +36,23 @@ pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(manifest.leaves[index].data_name())
 }
 
-/// Makes the fit of leaf `index` in `folder`. Captures that must be scanned first go below `out`. A folder that holds
-/// this very fit is left unchanged, unless everything is to be made `afresh`. That is for another state of the program
-/// with the same version.
+/// Makes the fit of leaf `index` in `folder`, or the maps of its look. Captures that must be scanned first go below
+/// `out`. A folder that holds this very fit is left unchanged, unless everything is to be made `afresh`. That is for
+/// another state of the program with the same version.
 ///
 /// # Errors
 /// As `fit leaf`, with these exit codes: 2 for an input that cannot be read, 130 when stopped (finished parts are
 /// kept), 1 for a fit that failed as a whole.
 pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh: bool, ledger: &Ledger) -> Result<()> {
     let leaf = &manifest.leaves[index];
+    if let Some(look) = &leaf.look {
+        stop()?;
+        let look = source::look_of(manifest, look);
+        ledger.note("state", leaf.name.clone(), 0, || {
+            mesophyll_fit::look::run(&look, leaf.data_name(), folder, afresh)
+        })?;
+        return Ok(());
+    }
     let capture = match (&leaf.capture, &leaf.scan) {
         (Some(capture), _) => manifest.resolve(capture),
         (None, Some(scan)) => scanned(manifest, leaf, scan, out, afresh, ledger)?,

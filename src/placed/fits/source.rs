@@ -3,6 +3,7 @@
 use crate::{Error, Result};
 use mesophyll_capture::synth::spec::Spec;
 use mesophyll_files::hash;
+use mesophyll_fit::look::Look;
 use mesophyll_manifest::{Leaf, Manifest, Scan};
 use mesophyll_record::FitRecord;
 use std::path::{Path, PathBuf};
@@ -40,6 +41,9 @@ pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
 /// [`Error::Input`] when the scene names a fit that does not exist and nothing to make it from.
 pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash: Option<InputHash>) -> Result<Source> {
     let leaf = &manifest.leaves[index];
+    if let Some(look) = &leaf.look {
+        return stated(&look_of(manifest, look), out.map(|o| o.join("fits").join(leaf.data_name())));
+    }
     let named = leaf.fit.as_ref().map(|f| manifest.resolve(f));
     let made = out.map(|o| o.join("fits").join(leaf.data_name()));
     let exists = |f: &Path| f.join("fit.toml").is_file();
@@ -88,6 +92,24 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
             why: format!("not fitted yet; the scene names a {from}"),
         },
     })
+}
+
+/// A look whose pictures lie where the manifest says.
+pub fn look_of(manifest: &Manifest, look: &Look) -> Look {
+    look.resolved(|picture| manifest.resolve(picture))
+}
+
+/// The source of a leaf whose look is stated, with the folder of a run where its maps are.
+fn stated(look: &Look, folder: Option<PathBuf>) -> Result<Source> {
+    let made = folder.as_ref().filter(|f| f.join("fit.toml").is_file());
+    let (status, why) = match made {
+        None => (Freshness::Missing, "stated, not fitted; its maps are not made yet from the pictures of the scene"),
+        Some(f) if FitRecord::read(f)?.input_hash == look.input_hash()? => {
+            (Freshness::Reuse, "stated, not fitted; its pictures are what its maps were made from")
+        }
+        Some(_) => (Freshness::Stale, "stated, not fitted; its pictures, or what is stated beside them, changed"),
+    };
+    Ok(Source { status, folder, why: why.into() })
 }
 
 /// The hash of a scan's input: its specification and the options of `synth`.

@@ -30,7 +30,7 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
-            "not fitted yet; `mesophyll run` fits it",
+            "its maps are not made yet; `mesophyll run` makes them",
         ));
     };
     // A leaf has one thickness. The δ of a side that was fitted with another h contains the difference.
@@ -40,7 +40,7 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
         let needs = leaf.plan.sides[s];
         if needs.interior() {
             let shift = (fitted.thickness(side)? - h) as f32;
-            sides[side] = interior(config.interior, leaf, s, side, shift, ledger)?;
+            sides[side] = interior(leaf.placed.interior(config), leaf, s, side, shift, ledger)?;
         }
         if needs.gloss {
             sides[side].gloss = leaf.loaded.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
@@ -119,7 +119,7 @@ fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger
     Ok(out)
 }
 
-/// ρd and ρt of every texel, computed from σa(x), σs(x) and the thickness.
+/// ρd and ρt of every texel, computed from σa(x), σs(x) and the thickness; of a stated look what is stated.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read.
@@ -127,6 +127,11 @@ pub fn pigment(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<[Vec<[f32; 3]>
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Default::default()) };
     let path = fitted.path(File::Maps, side);
     let maps = reads::maps(fitted, side, ledger)?;
+    if fitted.is_stated() {
+        let planes = maps.require_planes(&path, &[Quantity::RhoD, Quantity::RhoT])?;
+        let of = |first: usize| (0..planes[0].len()).map(|k| [0, 1, 2].map(|c| planes[first + c][k])).collect();
+        return Ok([of(0), of(3)]);
+    }
     let sigma = maps.require_planes(&path, &[Quantity::SigmaA, Quantity::SigmaS])?;
     let thickness = maps.require_scalar(&path, Quantity::Thickness)?;
     let texel = |k: usize| {

@@ -277,13 +277,13 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
-            "not fitted yet; `mesophyll run` fits it",
+            "its maps are not made yet; `mesophyll run` makes them",
         ));
     };
     let mut size = leaf.plan.size;
     let (mut sides, mut mask) = ([None, None], None);
     for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
-        let read = one_side(config, fitted, side, ledger)?;
+        let read = one_side(leaf.placed.interior(config), fitted, side, ledger)?;
         size = reads::same_size(fitted, side, size, read.size)?;
         if config.mesh.is_some() && s == 0 {
             mask = Some(read.on_leaf);
@@ -325,12 +325,15 @@ struct ReadSide {
     on_leaf: Vec<u8>,
 }
 
-fn one_side(config: &mesophyll_manifest::Leaf, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
+fn one_side(interior: Interior, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
     let path = fitted.path(File::Maps, side);
     let maps = reads::maps(fitted, side, ledger)?;
     let (width, height) = (maps.width, maps.height);
-    let pigment = config.interior == Interior::Maps;
-    let inside: &[Quantity] = if pigment { &[Quantity::SigmaA, Quantity::SigmaS] } else { &[Quantity::Gamma] };
+    let inside: &[Quantity] = match interior {
+        Interior::Maps if fitted.is_stated() => &[Quantity::RhoD, Quantity::RhoT],
+        Interior::Maps => &[Quantity::SigmaA, Quantity::SigmaS],
+        Interior::Scalars => &[Quantity::Gamma],
+    };
     let common = [Quantity::Mask, Quantity::Thickness, Quantity::M, Quantity::RhoS];
     let mut planes = maps.require_planes(&path, &[&common, inside].concat())?;
     // A fit itself fills its maps beyond the good texels. Texels that it left undetermined are filled here.
@@ -341,7 +344,9 @@ fn one_side(config: &mesophyll_manifest::Leaf, fitted: &LeafFit, side: Side, led
     let mut one = || planes.next().unwrap_or_default();
     let (thickness, m) = (one(), one());
     let rho_s = [one(), one(), one()];
-    let interior = if pigment {
+    let interior = if fitted.is_stated() {
+        transport::Interior::Maps { rho_d: [one(), one(), one()], rho_t: [one(), one(), one()] }
+    } else if interior == Interior::Maps {
         solved(&thickness, &[one(), one(), one(), one(), one(), one()])
     } else {
         let (low, high) =

@@ -28,7 +28,7 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
     plan.shape(manifest, leaf, fitted)?;
     for (s, side) in Side::ALL.into_iter().enumerate() {
         let needs = plan.leaves[index].sides[s];
-        if config.interior == Interior::Scalars && needs.interior() {
+        if leaf.interior(config) == Interior::Scalars && needs.interior() {
             let size = read_gamma_delta(fitted, s, plan.leaves[index].size, &mut out, at.ledger)?;
             plan.leaves[index].size = size;
         }

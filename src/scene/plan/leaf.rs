@@ -98,8 +98,10 @@ impl Plan {
             self.leave_out(LeftOut::new(format!("fit {name}"), "no instance and no card shows this leaf", bytes, ms));
             return;
         }
+        let stated = manifest.leaves[leaf.index].look.is_some() || leaf.fitted.as_ref().is_some_and(LeafFit::is_stated);
+        let what = if stated { "stated look" } else { "fit" };
         let fits = [
-            leaf.source.as_ref().map(|source| (format!("fit {name}"), source, leaf.fitted.as_ref())),
+            leaf.source.as_ref().map(|source| (format!("{what} {name}"), source, leaf.fitted.as_ref())),
             leaf.translucent
                 .as_ref()
                 .filter(|_| self.leaves[leaf.index].sides.iter().any(|s| s.translucency))
@@ -110,6 +112,9 @@ impl Plan {
             need.status = Some(source.status);
             need.hash = fitted.map(|f| f.record.input_hash.clone());
             self.need(need);
+        }
+        for said in leaf.fitted.iter().flat_map(|f| f.record.stated()) {
+            self.need(Need::new(format!("{name}: stated, not fitted"), said));
         }
     }
 
@@ -269,7 +274,7 @@ impl Plan {
         let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
         let plan = self;
         let needs = sides[s];
-        let pigment = manifest.leaves[leaf.index].interior == Interior::Maps;
+        let pigment = leaf.interior(&manifest.leaves[leaf.index]) == Interior::Maps;
         let maps = File::Maps.name(side);
         let entry = |what: &str| reads::entry(fitted, &texture(side, what));
         let bytes = texture_bytes(size);

@@ -61,7 +61,7 @@ impl SceneEditor {
                 for side in fitted.sides() {
                     let maps = reads::maps(fitted, side, &ledger)?;
                     let edit = &mut start.sides[side];
-                    let of = |quantity| match scene.manifest.leaves[index].interior {
+                    let of = |quantity| match scene.leaf(index).placed.interior(&scene.manifest.leaves[index]) {
                         Interior::Scalars => Ok(fitted.rgb(side, quantity)?.map(|v| v as f32)),
                         Interior::Maps => Ok::<_, crate::Error>(mean(maps, quantity)),
                     };
@@ -91,7 +91,7 @@ impl SceneEditor {
         let Some(fitted) = of.placed.fitted.as_ref().filter(|f| f.has(side) && of.plan.sides[s].interior()) else {
             return Ok(viewer::Interior::Scalars(viewer::SlabCurve::default()));
         };
-        if of.config.interior == Interior::Maps {
+        if of.placed.interior(of.config) == Interior::Maps {
             let [rho_d, rho_t] = leaf_maps::pigment(of, side, &self.ledger)?;
             return Ok(viewer::Interior::Maps { rho_d, rho_t });
         }

@@ -4,7 +4,7 @@
 
 use super::ViewerUi;
 use super::thumbnails::{MapKind, thumbnail};
-use crate::editor::LeafEdit;
+use crate::editor::{LeafEdit, SideEdit};
 use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
 use mesophyll_viewer::scene::{Leaf, Side, Sides};
 use std::collections::HashMap;
@@ -154,13 +154,21 @@ impl ViewerUi {
         self.dirty = true;
     }
 
-    fn sliders(&mut self, ui: &mut egui::Ui, edit: &mut LeafEdit) {
-        ui.spacing_mut().slider_width = 110.0;
+    /// Whether leaf `leaf` has an inside to edit. One whose reflection is stated has none.
+    pub(super) fn has_tissue(&self, leaf: usize) -> bool {
+        let scatters = |edit: &SideEdit| edit.sigma_s.iter().any(|v| *v > 0.0);
+        self.starts.get(&leaf).is_some_and(|start| Side::ALL.into_iter().any(|side| scatters(&start.sides[side])))
+    }
+
+    fn tissue_sliders(&mut self, ui: &mut egui::Ui, edit: &mut LeafEdit) {
+        if !self.has_tissue(self.leaf) {
+            ui.label(RichText::new("Its ρd and ρt are stated: there is no σa, σs or h to change.").weak());
+            return;
+        }
         let thickness =
             ui.add(Slider::new(&mut edit.thickness_mm, 0.02..=1.0).logarithmic(true).suffix(" mm").text("h"));
         self.landmark("thickness", &thickness);
         thickness.on_hover_text("mean thickness of the leaf, in mm; click the number to type one");
-        let shining = self.scene.leaf(self.leaf).is_some_and(|l| l.sides[self.side].gloss.is_some());
         let side = &mut edit.sides[self.side];
         for (name, range, values) in [("σa", 1e-3..=100.0, &mut side.sigma_a), ("σs", 1e-2..=300.0, &mut side.sigma_s)]
         {
@@ -176,6 +184,13 @@ impl ViewerUi {
                 });
             }
         }
+    }
+
+    fn sliders(&mut self, ui: &mut egui::Ui, edit: &mut LeafEdit) {
+        ui.spacing_mut().slider_width = 110.0;
+        self.tissue_sliders(ui, edit);
+        let shining = self.scene.leaf(self.leaf).is_some_and(|l| l.sides[self.side].gloss.is_some());
+        let side = &mut edit.sides[self.side];
         if shining {
             let rho_s = ui.add(Slider::new(&mut side.rho_s_scale, 0.0..=3.0).text("ρs ×"));
             self.landmark("ρs", &rho_s);

@@ -26,6 +26,9 @@ const LEAVES: [(&str, &str); 6] = [
     ("polished", "a sharper gloss: m times 0.5 on both sides"),
 ];
 
+/// Changes of a leaf whose reflection is stated.
+const STATED: [(&str, &str); 3] = [("as stated", "the leaf as it is stated"), LEAVES[4], LEAVES[5]];
+
 impl ViewerUi {
     /// The light of a preset.
     fn preset_light(&self, name: &str) -> Light {
@@ -76,7 +79,7 @@ impl ViewerUi {
 
     /// Applies a preset of a leaf to leaf `leaf`. A name that is no preset changes nothing.
     pub fn preset_leaf_edit(&mut self, leaf: usize, name: &str) {
-        if !LEAVES.iter().any(|p| p.0 == name) || !self.starts.contains_key(&leaf) {
+        if !LEAVES.iter().chain(&STATED).any(|p| p.0 == name) || !self.starts.contains_key(&leaf) {
             return;
         }
         let edit = self.preset_leaf(leaf, name);
@@ -102,8 +105,9 @@ impl ViewerUi {
 
     pub(super) fn leaf_presets(&mut self, ui: &mut egui::Ui) {
         let leaf = self.leaf;
-        let chosen = LEAVES.iter().find(|p| self.preset_leaf(leaf, p.0) == self.edits[&leaf]).map_or("own", |p| p.0);
-        if let Some(name) = self.presets(ui, "leaf preset", chosen, &LEAVES) {
+        let all: &[(&str, &str)] = if self.has_tissue(leaf) { &LEAVES } else { &STATED };
+        let chosen = all.iter().find(|p| self.preset_leaf(leaf, p.0) == self.edits[&leaf]).map_or("own", |p| p.0);
+        if let Some(name) = self.presets(ui, "leaf preset", chosen, all) {
             self.preset_leaf_edit(leaf, name);
         }
     }

@@ -8,11 +8,11 @@ pub use pairs::open;
 
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_files::table::{Table, percent};
+use mesophyll_files::table::{Groups, Spec, Table, percent};
 use mesophyll_files::unit::Unit;
 use mesophyll_optics::side::Side;
 use name::Name;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Names of the column with the leaf's name; the first one that exists is used.
@@ -311,4 +311,27 @@ impl Shares {
 pub fn only_leaf(path: &Path) -> String {
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     if stem.is_empty() || stem == "-" { "leaf".into() } else { stem }
+}
+
+/// All rows of a table in long form, grouped by leaf. A table without a column of leaves holds one leaf, named as the
+/// file, where no wavelength is repeated.
+///
+/// # Errors
+/// As [`Groups::read`]; a wavelength that is repeated where nothing names the leaves.
+pub fn leaves(table: Table, spec: &Spec) -> Result<Groups> {
+    if let Some(by) = LEAF.into_iter().find(|by| table.column(by).is_some()) {
+        return Groups::read(table, spec, by);
+    }
+    let (name, source) = (table.name().to_path_buf(), table.source().to_path_buf());
+    let groups = Groups::one(table, spec, LEAF[0], &only_leaf(&source))?;
+    let mut seen = HashSet::new();
+    if let Some(row) = groups.rows().find(|row| !seen.insert((row.values[0].to_bits(), row.texts.first().cloned()))) {
+        let what = format!(
+            "no such column, and the wavelength {} of line {} is there before; expected the name of the leaf in each \
+             row",
+            row.values[0], row.line
+        );
+        return Err(Error::field(&name, LEAF[0], what));
+    }
+    Ok(groups)
 }

@@ -105,7 +105,8 @@ fn picture(mut found: Found, path: &Path) -> Found {
         None => {
             found.reason = Some(
                 "pictures are fitted as a capture, a folder with capture.toml, which `mesophyll inspect FOLDER` looks \
-                 over; a panorama of the sky must be a linear EXR or Radiance picture"
+                 over; a panorama of the sky must be a linear EXR or Radiance picture; a picture of a leaf can be \
+                 stated as its look, for `mesophyll import LOOK.toml`"
                     .into(),
             );
         }
@@ -138,6 +139,7 @@ fn description(ending: &str, text: &str, path: &Path) -> Result<Found> {
         () if has("sward") || has("wood") => {
             of("the description of a plant or a meadow", format!("mesophyll grow {file} -o PLANT.glb"))
         }
+        () if has("albedo") => of("a leaf's look, stated by pictures", format!("mesophyll import {file} -o FOLDER")),
         () if has("field_mm") => {
             of("the description of a synthetic leaf", format!("mesophyll synth {file} -o CAPTURE"))
         }

@@ -23,6 +23,11 @@ impl Spectrum {
         let index = self.index.map_or_else(String::new, |n| format!(" --index {n}"));
         let slab = format!("mesophyll fit slab{index}{percent} --in {file}");
         let foliar = format!("mesophyll fit foliar --pigments PIGMENTS.csv{percent} --in {file}");
+        if self.wavelengths {
+            found.notes.push(format!(
+                "its colours, by readings from 400 to 700 nm: mesophyll eval bands{percent} --in {file}"
+            ));
+        }
         let both = self.reflectance && self.transmittance;
         if both && self.thickness {
             found.command = Some(slab);

@@ -19,6 +19,8 @@ pub struct Asked {
     pub recomputed: Vec<(usize, LeafEdit)>,
     pub saved: Vec<LeafEdit>,
     pub skies: Vec<(Vec3, f32)>,
+    /// Whether the leaves have no tissue.
+    pub stated: bool,
     pub checked: usize,
     /// The plants that the window lists, and the scene in which their branches are edited.
     pub plants: Option<(Vec<PlantInfo>, Scene)>,
@@ -38,7 +40,8 @@ pub struct Toy {
 
 impl Editor for Toy {
     fn start(&self, _: usize) -> LeafEdit {
-        let side = SideEdit { sigma_a: [1.0, 0.5, 2.0], sigma_s: [10.0; 3], rho_s_scale: 1.0, m_scale: 1.0 };
+        let tissue = if self.asked.borrow().stated { [[0.0; 3]; 2] } else { [[1.0, 0.5, 2.0], [10.0; 3]] };
+        let side = SideEdit { sigma_a: tissue[0], sigma_s: tissue[1], rho_s_scale: 1.0, m_scale: 1.0 };
         LeafEdit { thickness_mm: 0.2, sides: Sides::of(|_| side) }
     }
 

@@ -138,6 +138,25 @@ fn presets_are_edits() {
     assert_eq!(bench.ui.edit(0), matte);
 }
 
+/// A leaf whose reflection is stated has no σ and no thickness to change, but a gloss.
+#[test]
+fn a_stated_leaf_has_no_tissue_to_edit() {
+    let (window, toy) = two_leaves();
+    toy.asked.borrow_mut().stated = true;
+    let Some(mut bench) = bench_on((window, toy)) else { return };
+    let start = bench.ui.edit(0);
+    for (name, there) in [("thickness", false), ("σa R", false), ("σs B", false), ("ρs", true), ("m", true)] {
+        assert_eq!(bench.ui.landmark_rect(name).is_some(), there, "{name}");
+    }
+    bench.click("leaf preset");
+    assert!(bench.ui.landmark_rect("leaf preset little pigment").is_none());
+    bench.click("leaf preset polished");
+    assert_eq!(bench.ui.edit(0).sides.front.m_scale, 0.5);
+    bench.click("leaf preset");
+    bench.click("leaf preset as stated");
+    assert_eq!(bench.ui.edit(0), start);
+}
+
 /// A click on a slider's number, digits, and Enter.
 #[test]
 fn numbers_are_typed() {
