@@ -84,7 +84,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 25] = [
+pub const MODELS: [Model; 26] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
