@@ -89,6 +89,21 @@ struct Normal {
     own: f64,
     /// Every reading of the pictures that were drawn.
     compared: Vec<Compared>,
+    /// How what is shown depends on the numbers: a reading, a number, the derivative.
+    slopes: Vec<(usize, usize, f64)>,
+}
+
+impl Normal {
+    /// The readings compared with what would be shown after a step.
+    fn after(mut self, step: &[f64]) -> Vec<Compared> {
+        for (k, number, slope) in self.slopes {
+            let more = slope * step[number];
+            let reading = &mut self.compared[k];
+            reading.shown += more;
+            reading.residual -= more / reading.error;
+        }
+        self.compared
+    }
 }
 
 /// Finds the numbers.
@@ -101,7 +116,7 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
     let bar = Bar::of("steps");
     let (mut paths, mut seed, mut trace) = (PATHS.min(options.samples), options.seed, Vec::new());
     let (mut termination, mut wild) = (Termination::IterationLimit, None);
-    let (mut last, mut since) = (None, 0);
+    let (mut last, mut since, mut stepped) = (None, 0, Vec::new());
     for iteration in 0..STEPS {
         progress::go_on()?;
         let normal = normal(numbers, shots, paths, seed)?;
@@ -110,6 +125,7 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
         let before = numbers.values();
         let after = moved(numbers, &before, &step);
         numbers.set(&after);
+        stepped = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         let shares: Vec<f64> = (0..n).map(|k| (after[k] - before[k]) / stderr[k]).filter(|s| s.is_finite()).collect();
         let square = shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64;
         trace.push(TraceRow {
@@ -154,13 +170,13 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
         paths = paths.min(options.samples);
     }
     let Some(normal) = last else { return Err(crate::Error::Missed("no step was made".into())) };
-    // The last step moved the numbers by no more than their errors, so its own pictures judge them: their paths had no
-    // part in the numbers that they were drawn with. Pictures that were kept from the fit are drawn now.
+    // The last step was so small that its own pictures, moved by the derivatives, judge the numbers. Pictures that were
+    // kept from the fit are drawn now.
     let mut compared = held_out(numbers, shots, paths, seed + 5)?;
     let (covariance, undetermined) = covariance(numbers, &normal.matrix);
     let wild = wild.unwrap_or(0);
     let own_noise = normal.own;
-    compared.extend(normal.compared);
+    compared.extend(normal.after(&stepped));
     Ok(Found { covariance, undetermined, compared, termination, trace, paths, own_noise, wild })
 }
 
@@ -201,14 +217,15 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
     let limit = TYPICAL * typical(&compared).max(1.0);
     let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
     let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
-    for reading in compared.iter().filter(|c| c.of == Use::Fitted) {
+    let mut by = Vec::new();
+    for (place, reading) in compared.iter().enumerate() {
         let ([s, k, c], shot) = (reading.at, &shots[reading.at[0]]);
         let factor = exposure(numbers, shot);
         row.clear();
         for (j, (q, _)) in slopes.iter().enumerate() {
             let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
-            let by = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
-            let (p, q) = (by(&one[s]), by(&two[s]));
+            let slope = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
+            let (p, q) = (slope(&one[s]), slope(&two[s]));
             if p != 0.0 || q != 0.0 {
                 row.push((number, p, q));
             }
@@ -216,6 +233,10 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
         let own = |q: &Quantity| matches!((&q.kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b);
         if let Some(q) = numbers.list.iter().position(own) {
             row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
+        }
+        by.extend(row.iter().map(|(number, p, q)| (place, *number, 0.5 * (p + q))));
+        if reading.of != Use::Fitted {
+            continue;
         }
         let weight = (limit / reading.residual.abs()).min(1.0) / (reading.error * reading.error);
         for (i, p, q) in &row {
@@ -227,7 +248,7 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
     }
     let middle = shares.len() / 2;
     let own = if shares.is_empty() { 0.0 } else { *shares.select_nth_unstable_by(middle, f64::total_cmp).1 };
-    Ok(Normal { matrix, gradient, chi2, count, own, compared })
+    Ok(Normal { matrix, gradient, chi2, count, own, compared, slopes: by })
 }
 
 /// The size of a typical residual: the median, over that of a normal distribution.

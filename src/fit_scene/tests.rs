@@ -206,3 +206,47 @@ fn tables_that_cannot_be_used_are_refused_before_anything_is_drawn() {
     let error = run(&scene, &folder.path().join("refused"), &options, &Ledger::new()).unwrap_err();
     assert!(error.to_string().contains("found 32x24 pixels, expected 31x24"), "{error}");
 }
+
+/// A canopy's leaves and ground from its reflectance factors, which `eval canopy`'s own estimate gives.
+#[test]
+fn reflectance_factors_of_a_canopy_give_leaves_and_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let canopy = |truth: [[f64; 3]; 5], tables: &str| {
+        let text = scene(truth, tables).replace("reach_mm = 400", "");
+        let text = text.replace("[sky]\nradiance = [0.4, 0.45, 0.6]\n", "[periodic]\nsize_mm = [160, 160]\n");
+        text.replace("position_mm = [0, 0, -5000]", "position_mm = [0, 0, 80]")
+    };
+    let scene = opened(folder.path(), &canopy(TRUTH, "")).unwrap();
+    let world = reference::traced(&scene, 0.0, &Ledger::new()).unwrap();
+    let traced = Canopy::new(&world, 3).unwrap();
+    let mut table = String::from("view_zenith_deg,view_azimuth_deg,brf_r,brf_g,brf_b,brf_r_err,brf_g_err,brf_b_err\n");
+    for k in 0..24 {
+        let [zenith, azimuth] = [f64::from(3 * k), f64::from(50 * k % 360)];
+        let at = [zenith.to_radians(), azimuth.to_radians()];
+        let found = [0, 1, 2].map(|c| traced.brf(at, c, 16_384));
+        let [means, errors] = [found.map(|f| f.mean), found.map(|f| f.error.hypot(0.003 * f.mean))];
+        let _ = writeln!(
+            table,
+            "{zenith},{azimuth},{},{},{},{},{},{}",
+            means[0], means[1], means[2], errors[0], errors[1], errors[2]
+        );
+    }
+    std::fs::write(folder.path().join("brf.csv"), table).unwrap();
+    let tables = "[[brf]]\nfile = \"brf.csv\"\n[unknown]\nleaves = { a = [\"rho_d\"] }\nground = [\"albedo\"]\n";
+    let record = fitted(folder.path(), &canopy(START, tables));
+    let params = &record.sections["all"].params;
+    for (name, truth) in [("leaf.a.front.rho_d", TRUTH[0]), ("ground.albedo", TRUTH[3])] {
+        for (channel, truth) in numbers::CHANNELS.iter().zip(truth) {
+            let param = &params[&format!("{name}.{channel}")];
+            let z = (param.value[0] - truth) / param.stderr[0];
+            assert!(param.undetermined.is_empty() && z.abs() < 4.0, "{name}.{channel}: {param:?}, {truth} is true");
+        }
+    }
+    assert!(folder.path().join("fit/residual-brf-1.csv").is_file());
+    // A sky is no part of a reflectance factor.
+    let text = canopy(START, tables).replace("[periodic]", "[sky]\nradiance = [1, 1, 1]\n[periodic]");
+    let options = Options { samples: 16, seed: 1, force: true };
+    let scene = opened(folder.path(), &text).unwrap();
+    let error = run(&scene, &folder.path().join("refused"), &options, &Ledger::new()).unwrap_err();
+    assert!(error.to_string().contains("there is a [sky]"), "{error}");
+}

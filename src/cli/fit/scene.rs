@@ -26,6 +26,9 @@ use std::path::PathBuf;
   exposure = \"camera-1\"     an unknown factor that pictures with this name share
   held_out = true           only predicted, to judge the fit
 
+  [[brf]]                   or a canopy's reflectance factors, under a sun alone
+  file = \"brf.csv\"          view_zenith_deg, view_azimuth_deg, brf_r, brf_g, brf_b, and brf_r_err, …
+
   [unknown]
   leaves = { a = [\"rho_d\", \"rho_t\", \"rho_s\", \"m\"] }
   ground = [\"albedo\"]
