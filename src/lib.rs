@@ -50,11 +50,13 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 12  main
-//! 11  cli           python
-//! 10  report        check       fit_scene
+//! 14  main
+//! 13  cli
+//! 12  report
+//! 11  proof
+//! 10  check         fit_scene   python
 //! 9   scene
-//! 8   proof         placed      export
+//! 8   placed        export
 //! 7   manifest
 //! 6   fit           fit_branch  fit_grass  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf          photo

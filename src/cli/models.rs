@@ -8,8 +8,8 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, sky, slab, solver, transfer, translucency,
-    transport, visibility, wind,
+    beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver, transfer,
+    translucency, transport, visibility, wind,
 };
 use mesophyll_report as report;
 use std::marker::PhantomData;
@@ -213,6 +213,7 @@ pub const MODELS: [Model; 26] = [
     Model {
         name: "scene",
         fit: verb!(fit::scene, "What leaves, ground and light of a scene are, from linear pictures of it"),
+        stress: Some(|| Ok(scene::stress()?)),
         ..NONE
     },
     Model {

@@ -34,7 +34,7 @@ pub fn covariance(numbers: &Numbers, normal: &DMatrix<f64>) -> (DMatrix<f64>, Ve
         let (i, j) = (seen[i], seen[j]);
         0.5 * (normal[(i, j)] + normal[(j, i)]) * scale[i] * scale[j]
     });
-    if let Some(eigen) = symmetric_eigen(scaled).filter(|_| m > 0) {
+    if let Some(eigen) = symmetric_eigen(scaled) {
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
             let v = eigen.eigenvectors.column(k);
             for i in 0..m {

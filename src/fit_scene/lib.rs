@@ -13,6 +13,7 @@
 mod covariance;
 mod drawn;
 mod judge;
+pub mod made_up;
 mod numbers;
 mod scene_file;
 mod steps;

@@ -298,7 +298,7 @@ fn moved(numbers: &Numbers, before: &[f64], step: &[f64]) -> Vec<f64> {
     out
 }
 
-/// ρd and ρt of a side are less than 1 together: what both are too large by is taken from both.
+/// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
 fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
     let (first, _) = numbers.places();
     let places: Vec<(usize, usize, bool)> = numbers
@@ -315,8 +315,8 @@ fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
         for (_, t, _) in places.iter().filter(|p| !p.2 && p.0 == *leaf) {
             for c in 0..3 {
                 let sum = values[d + c] + values[t + c];
-                if sum > 0.999 {
-                    (values[d + c], values[t + c]) = (values[d + c] * 0.999 / sum, values[t + c] * 0.999 / sum);
+                if sum > 1.0 {
+                    (values[d + c], values[t + c]) = (values[d + c] / sum, values[t + c] / sum);
                 }
             }
         }

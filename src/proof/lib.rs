@@ -16,6 +16,7 @@ pub mod nist;
 pub mod peers;
 mod precise;
 pub mod render;
+pub mod scene;
 pub mod sky;
 pub mod slab;
 pub mod solver;

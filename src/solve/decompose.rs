@@ -14,11 +14,13 @@ where
     C: nalgebra::Dim,
     S: nalgebra::RawStorage<f64, R, C>,
 {
-    matrix.iter().all(|v| v.is_finite()).then(|| SWEEPS * matrix.nrows().max(matrix.ncols()).max(1))
+    // nalgebra panics where there is nothing to decompose.
+    let sound = !matrix.is_empty() && matrix.iter().all(|v| v.is_finite());
+    sound.then(|| SWEEPS * matrix.nrows().max(matrix.ncols()))
 }
 
-/// Singular value decomposition with both bases, largest value first; `None` where an entry is not finite or the
-/// iteration does not end.
+/// Singular value decomposition with both bases, largest value first; `None` where an entry is not finite, the matrix
+/// is empty, or the iteration does not end.
 pub fn svd(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
     let limit = limit(&matrix)?;
     SVD::try_new(matrix, true, true, TOLERANCE, limit)
@@ -39,6 +41,13 @@ pub fn symmetric_eigen(matrix: DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_empty_matrix_is_refused() {
+        let none = DMatrix::zeros(0, 0);
+        assert!(svd(none.clone()).is_none() && singular_values(none.clone()).is_none());
+        assert!(symmetric_eigen(none).is_none());
+    }
 
     #[test]
     fn what_is_not_finite_is_refused_instead_of_iterated_for_ever() {

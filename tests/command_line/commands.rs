@@ -66,7 +66,7 @@ const LEFT_OUT: [(&str, &str); 32] = [
 ];
 
 /// Commands that are made smaller for the test: the printed words, and the words that are run instead.
-const SMALLER: [(&str, &str); 13] = [
+const SMALLER: [(&str, &str); 15] = [
     ("--acquisition photo --size 960x720", "--acquisition photo --size 160x120"),
     ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),
@@ -78,6 +78,8 @@ const SMALLER: [(&str, &str); 13] = [
     ("-o out/twig --samples 64", "-o out/twig --samples 1"),
     ("-o out/cluster --samples 64", "-o out/cluster --samples 1"),
     ("-o out/cluster --error 0.01", "-o out/cluster --samples 1"),
+    ("data/pictures/unknown.toml -o out/found", "data/pictures/unknown.toml -o out/found --samples 64"),
+    ("scene.toml -o out/predicted --view above", "scene.toml -o out/predicted --view above --samples 4"),
     ("data/grass/lawn.toml -o out/lawn-slices", "data/grass/lawn.toml -o out/lawn-slices --texels 32x8 --entries 8"),
     ("data/canopies/directions.csv", "data/canopies/directions.csv --samples 2048"),
 ];
@@ -253,6 +255,11 @@ fn the_commands_of_the_photo_page_run() {
 }
 
 #[test]
+fn the_commands_of_the_page_of_pictures_run() {
+    assert_eq!(run_page("docs/pictures.md", false), [3, 0]);
+}
+
+#[test]
 fn the_commands_of_the_looks_page_run() {
     assert_eq!(run_page("docs/looks.md", false), [4, 0]);
 }
@@ -285,6 +292,7 @@ fn the_list_of_what_is_left_out_is_true() {
             "export.md",
             "photo.md",
             "looks.md",
+            "pictures.md",
             "web.md",
         ]
         .iter()
