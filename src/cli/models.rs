@@ -213,7 +213,7 @@ pub const MODELS: [Model; 26] = [
     Model {
         name: "scene",
         fit: verb!(fit::scene, "What leaves, ground and light of a scene are, from linear pictures of it"),
-        stress: Some(|| Ok(scene::stress()?)),
+        stress: Some(scene::stress),
         ..NONE
     },
     Model {
