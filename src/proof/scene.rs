@@ -16,8 +16,8 @@ const NAMES: [&str; 4] = ["leaf.a.front.rho_d", "leaf.a.back.rho_d", "leaf.a.rho
 /// A number is right within so many standard errors, or within the second number.
 const RIGHT: (f64, f64) = (5.0, 2e-3);
 
-/// A case: its name, the verdict that it must get, the true numbers, those that the fit starts from, further changes of
-/// the scene's text, and how readings are spoilt.
+/// A case: its name, the verdict that it must get, the true numbers, those that the fit starts from, what is unknown,
+/// how readings are spoilt, and what else the scene of the fit states.
 struct Case {
     name: &'static str,
     expected: &'static str,
@@ -26,10 +26,19 @@ struct Case {
     unknown: &'static str,
     size: Option<[usize; 2]>,
     spoil: fn(usize, f64) -> f64,
+    state: fn(String) -> String,
 }
 
-const PLAIN: Case =
-    Case { name: "", expected: "ok", truth: TRUTH, start: START, unknown: UNKNOWN, size: None, spoil: |_, v| v };
+const PLAIN: Case = Case {
+    name: "",
+    expected: "ok",
+    truth: TRUTH,
+    start: START,
+    unknown: UNKNOWN,
+    size: None,
+    spoil: |_, v| v,
+    state: |text| text,
+};
 const SUN: [f64; 3] = TRUTH[4];
 
 fn verdict(case: &Case) -> Result<(String, Option<f64>)> {
@@ -41,7 +50,7 @@ fn verdict(case: &Case) -> Result<(String, Option<f64>)> {
         None => text,
     };
     photograph(folder.path(), &sized(scene(case.truth, "")), 1.0, case.spoil)?;
-    let text = sized(scene(case.start, &format!("{BOTH}{}", case.unknown)));
+    let text = (case.state)(sized(scene(case.start, &format!("{BOTH}{}", case.unknown))));
     let options = Options { samples: 512, seed: 3, force: true };
     let ended = opened(folder.path(), &text)
         .and_then(|scene| run(&scene, &folder.path().join("fit"), &options, &Ledger::new()));
@@ -103,6 +112,21 @@ pub fn stress() -> Result<Vec<StressRow>> {
             name: "a light that the scene does not have",
             expected: "misfit: ",
             spoil: |k, v| if k % 32 < 16 { 1.1 * v } else { v },
+            ..PLAIN
+        },
+        Case {
+            name: "a camera that stood elsewhere",
+            expected: "misfit: ",
+            start: TRUTH,
+            state: |text| text.replace("[-150, -180, 150]", "[-160, -171, 150]"),
+            ..PLAIN
+        },
+        Case {
+            name: "an exposure beside all of the light",
+            expected: "undetermined: exposure.cam",
+            start: TRUTH,
+            unknown: "[unknown]\nsun = [\"irradiance\"]\nsky = [\"scale\"]\n",
+            state: |text| text.replace(".exr\"\n", ".exr\"\nexposure = \"cam\"\n"),
             ..PLAIN
         },
         Case {
