@@ -5,7 +5,7 @@ use mesophyll_solve::decompose::symmetric_eigen;
 use nalgebra::DMatrix;
 
 /// Standard errors beyond which a reflectance, or the logarithm of a factor, counts as not determined.
-const UNKNOWN: f64 = 0.25;
+pub const UNKNOWN: f64 = 0.25;
 
 /// The unit in which a number is uncertain at the start: 1 for a reflectance, its own size for a factor.
 pub fn unit(numbers: &Numbers) -> Vec<f64> {

@@ -13,6 +13,8 @@ const ROUNDS: u32 = 16;
 /// A pixel's own noise is estimated from its rounds, and from as many rounds as this with the mean noise of its
 /// neighbours: a bright path that none of its rounds found may have been found there.
 const PRIOR: f64 = 2.0;
+/// No reading counts as better than this share of itself: no camera is, and our own numbers are not much.
+const LEAST: f64 = 1e-3;
 /// Paths of a direction of a canopy, for each path of a pixel.
 const A_DIRECTION: u32 = 256;
 
@@ -88,6 +90,22 @@ pub fn variances(shot: &Shot, [one, two]: [&Sheet; 2], rounds: u32, factor: f64)
         }
         sum.map(|v| v / n)
     };
+    // An error that was estimated from a pixel's own scatter is small where the reading happens to be. Neighbours do
+    // not know the reading, and have half of the say.
+    let stated = |k: usize| {
+        let Some(error) = &shot.error else { return [0.0; 3] };
+        let (x, y) = (k % w, k / w);
+        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        for j in y.saturating_sub(1)..=(y + 1).min(h - 1) {
+            for i in x.saturating_sub(1)..=(x + 1).min(w - 1) {
+                (0..3).for_each(|c| sum[c] += error[j * w + i][c].powi(2));
+                n += 1.0;
+            }
+        }
+        let pooled = matches!(shot.by, By::Camera(_));
+        let own = error[k].map(|e| e * e);
+        if pooled { [0, 1, 2].map(|c| 0.5 * (own[c] + sum[c] / n)) } else { own }
+    };
     let mean = |k: usize| [0, 1, 2].map(|c| 0.5 * (one.mean[k][c] + two.mean[k][c]));
     let all = shot.seen.len().max(1) as f64;
     let whole = [0, 1, 2].map(|c| (0..shot.seen.len()).map(|k| mean(k)[c]).sum::<f64>() / all);
@@ -101,8 +119,9 @@ pub fn variances(shot: &Shot, [one, two]: [&Sheet; 2], rounds: u32, factor: f64)
             let own = [0, 1, 2].map(|c| (own_rounds * own[c] + PRIOR * near[c]) / freedom * wider);
             // What is dark has at least a hundredth of the noise of the picture's mean.
             let of = |c: usize| {
-                let stated = shot.error.as_ref().map_or(0.0, |error| error[k][c].max(1e-6 * factor * whole[c]));
-                stated.powi(2) + (shot.noise * factor * mean[c].max(0.01 * whole[c])).powi(2)
+                let noise = shot.noise * factor * mean[c].max(0.01 * whole[c]);
+                let least = LEAST * factor * mean[c].max(0.01 * whole[c]);
+                (stated(k)[c] + noise.powi(2) + shot.floor.powi(2)).max(least.powi(2))
             };
             [[0, 1, 2].map(of), own]
         })

@@ -2,9 +2,9 @@
 //! left.
 
 use crate::Result;
-use crate::covariance::names;
+use crate::covariance::{UNKNOWN, names, unit};
 use crate::numbers::Numbers;
-use crate::steps::{Compared, Found};
+use crate::steps::{Compared, Found, WILD};
 use crate::taken::{By, Shot, Use};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
@@ -21,7 +21,7 @@ const SCORE: f64 = 3.3;
 /// A reduced χ² below this is no reason, however many readings there are: of what was fitted, and of what was held
 /// back, which the errors of the numbers spread too.
 const EXCESS: f64 = 1.05;
-const EXCESS_UNSEEN: f64 = 1.5;
+const EXCESS_UNSEEN: f64 = 2.0;
 
 /// χ² of readings and of the means of blocks, and how many degrees of freedom each has.
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,8 +40,10 @@ impl Judged {
             let [shot, k, channel] = c.at;
             let width = shots[shot].size[0];
             let block = blocks.entry([shot, k % width / BLOCK, k / width / BLOCK, channel]).or_default();
-            *block = (block.0 + c.residual, block.1 + 1.0);
-            out.chi2 += c.residual * c.residual;
+            // A single path's light can be far from normal; it does not accuse the model alone.
+            let residual = c.residual.clamp(-WILD, WILD);
+            *block = (block.0 + residual, block.1 + 1.0);
+            out.chi2 += residual * residual;
             out.readings += 1;
         }
         // The sum of n residuals of noise has the variance n.
@@ -67,7 +69,7 @@ impl Judged {
 /// The section of a record: all numbers, and the verdicts.
 pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut FitRecord) -> Section {
     let names = names(numbers);
-    let values = numbers.values();
+    let (values, units) = (numbers.values(), unit(numbers));
     let fitted = Judged::of(shots, found.compared.iter().filter(|c| c.of == Use::Fitted));
     let determined = found.undetermined.iter().filter(|why| why.is_none()).count();
     // A whole picture is not predicted where anything is undetermined that it might show.
@@ -75,6 +77,8 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == Use::Held).filter(predicted));
     let (excess, doubted) = fitted.excess(determined, EXCESS);
     let (unseen, missed) = held.excess(0, EXCESS_UNSEEN);
+    // Where no number is determined, nothing is claimed that could be wrong.
+    let (doubted, missed) = (doubted && determined > 0, missed && determined > 0);
     let wide = if doubted { excess.sqrt() } else { 1.0 };
     if doubted || missed {
         let worst = if doubted { excess } else { unseen };
@@ -83,8 +87,8 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
             grade: Grade::Wrong,
             says: format!(
                 "the scene does not explain the pictures: what is left of them is {:.1} times what noise leaves (means \
-                 of {BLOCK} x {BLOCK} pixels); geometry, a camera, a light or something that no unknown covers is not \
-                 as stated, and the residual pictures show where",
+                 of {BLOCK} x {BLOCK} pixels, or of {BLOCK} directions); geometry, a camera, a light or something that \
+                 no unknown covers is not as stated, and the residual pictures show where",
                 worst.sqrt()
             ),
             ..Fault::default()
@@ -92,7 +96,9 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     }
     let mut section = Section::default();
     for (k, name) in names.iter().enumerate() {
-        let why = found.undetermined[k].as_ref().map(|why| format!("{name}: {why}"));
+        let loose = wide * found.covariance[(k, k)].sqrt() > UNKNOWN * units[k];
+        let loose = loose.then(|| "what the scene does not explain could be due to it".to_string());
+        let why = found.undetermined[k].clone().or(loose).map(|why| format!("{name}: {why}"));
         let error = if why.is_some() { f64::INFINITY } else { found.covariance[(k, k)].sqrt() * wide };
         section.params.insert(
             name.clone(),
@@ -114,7 +120,7 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     section.rank = Some(known.len());
     let residuals = |judged: Judged, numbers: usize, of: Use| {
         let freedom = judged.readings.saturating_sub(numbers).max(1) as f64;
-        let mine: Vec<&Compared> = found.compared.iter().filter(|c| c.of == of).collect();
+        let mine: Vec<&Compared> = found.compared.iter().filter(|c| c.of == of).filter(predicted).collect();
         let square: f64 = mine.iter().map(|c| (c.residual * c.error).powi(2)).sum();
         let worst = mine.iter().max_by(|a, b| a.residual.abs().total_cmp(&b.residual.abs()));
         let at = worst.map_or([0, 0], |c| [c.at[1] % shots[c.at[0]].size[0], c.at[1] / shots[c.at[0]].size[0]]);
@@ -139,8 +145,8 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     ] {
         section.figures.insert(name.into(), value);
     }
-    section.counts.insert("wild".into(), found.wild);
-    section.counts.insert("saturated".into(), shots.iter().map(|s| s.saturated).sum());
+    section.counts.insert("wild pixels left out".into(), found.wild);
+    section.counts.insert("saturated pixels left out".into(), shots.iter().map(|s| s.saturated).sum());
     section
 }
 

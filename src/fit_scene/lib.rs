@@ -22,7 +22,7 @@ mod taken;
 mod tests;
 
 pub(crate) use mesophyll_error::{Error, Result};
-use mesophyll_files::{atomic, hash};
+use mesophyll_files::{atomic, hash, memory};
 use mesophyll_manifest::Manifest;
 use mesophyll_placed::ledger::Ledger;
 use mesophyll_record::maker::{self, Maker, Outcome};
@@ -74,6 +74,13 @@ pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Res
     groups.sort();
     groups.dedup();
     let numbers = Numbers::new(scene, world, &groups)?;
+    // Two pictures of all derivatives, the same as a list, and the readings.
+    let pixels: usize = shots.iter().map(|shot| shot.seen.len()).sum();
+    let bytes = pixels as u64 * (120 * numbers.list.len() as u64 + 400);
+    memory::require(
+        bytes,
+        &format!("{pixels} pixels with {} unknowns (smaller pictures need less)", numbers.list.len()),
+    )?;
     let hash = input_hash(manifest, options)?;
     let (manifest, options) = (manifest.clone(), *options);
     let read = manifest.taken.iter().map(|t| &t.file).chain(manifest.factors.iter().map(|f| &f.file));
@@ -121,20 +128,18 @@ fn fit(
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// The hash of everything that decides a fit.
+/// The hash of everything that decides a fit: the scene's text, and every file that it names.
 fn input_hash(manifest: &Manifest, options: &Options) -> Result<String> {
     let mut told = format!("{} {}", options.samples, options.seed);
-    for taken in &manifest.taken {
-        told += &format!(" {}", hash::file(&manifest.resolve(&taken.file))?);
-        if let Some(mask) = &taken.mask {
-            told += &format!(" {}", hash::file(&manifest.resolve(mask))?);
+    for file in scene_file::named(manifest)? {
+        // Of a folder, such as a fit, the record says what is in it.
+        let file = if file.is_dir() { file.join(mesophyll_record::RECORD) } else { file };
+        if file.is_file() {
+            told += &format!(" {}", hash::file(&file)?);
         }
     }
-    for factors in &manifest.factors {
-        told += &format!(" {}", hash::file(&manifest.resolve(&factors.file))?);
-    }
     let scene = mesophyll_files::whole::text(&manifest.path)?;
-    Ok(maker::input_hash([("method", METHOD), ("scene", scene.as_str()), ("pictures", told.as_str())]))
+    Ok(maker::input_hash([("method", METHOD), ("scene", scene.as_str()), ("files", told.as_str())]))
 }
 
 /// A summary of a fit for people: each number with its error.
@@ -148,9 +153,16 @@ pub fn summary(record: &FitRecord) -> String {
             (Some(why), _) => {
                 format!("{name}: undetermined, {}\n", why.rsplit_once(": ").map_or(why.as_str(), |w| w.1))
             }
-            (None, Some(error)) => format!("{name} = {value:.5} ± {error:.5}\n"),
-            (None, None) => format!("{name} = {value:.5}\n"),
+            (None, error) => {
+                let error = error.copied().unwrap_or(0.0);
+                // Two digits of the error.
+                let places = (1 - error.max(1e-9).log10().floor() as i32).clamp(0, 10) as usize;
+                format!("{name} = {value:.places$} ± {error:.places$}\n")
+            }
         };
+    }
+    for (what, count) in section.counts.iter().filter(|(_, count)| **count > 0) {
+        text += &format!("{count} {what}\n");
     }
     for (what, residuals) in &section.residuals {
         text += &format!("{what}: {} readings, reduced χ² {:.4}\n", residuals.samples, residuals.reduced_chi2);

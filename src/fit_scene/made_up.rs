@@ -20,7 +20,7 @@ pub const TRUTH: [[f64; 3]; 5] =
 pub const START: [[f64; 3]; 5] = [[0.12, 0.06, 0.06], [0.05, 0.3, 0.04], [0.03, 0.3, 0.04], [0.4, 0.1, 0.2], TRUTH[4]];
 
 /// A level blade of 45 by 24 mm, as glTF with its buffer inside.
-fn blade() -> String {
+pub fn blade() -> String {
     let corners: [[f32; 3]; 4] = [[0.0, -12.0, 0.0], [45.0, -12.0, 0.0], [45.0, 12.0, 0.0], [0.0, 12.0, 0.0]];
     let mut bytes: Vec<u8> = corners.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
     bytes.extend([0u16, 1, 2, 0, 2, 3].into_iter().flat_map(u16::to_le_bytes));

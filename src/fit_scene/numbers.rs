@@ -1,9 +1,9 @@
 //! The unknown numbers of a scene: what they are called, where they start, between which limits they lie, and the world
 //! that they make.
 
-use crate::Result;
+use crate::{Error, Result};
 use glam::DVec3;
-use mesophyll_manifest::{Manifest, Unknown};
+use mesophyll_manifest::{Manifest, SkyModel, Unknown};
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::Scene;
 use mesophyll_transport::RadianceAt;
@@ -51,8 +51,10 @@ pub struct Quantity {
     pub name: String,
     /// One number, or one a channel.
     pub at: Vec<f64>,
-    /// The least and the largest value.
-    pub limits: [f64; 2],
+    /// The least value, and the largest of each number.
+    pub low: f64,
+    /// See `low`.
+    pub high: Vec<f64>,
 }
 
 impl Quantity {
@@ -93,11 +95,15 @@ impl Numbers {
         let index: BTreeMap<&str, usize> =
             scene.drawn().enumerate().map(|(k, leaf)| (leaf.config.name.as_str(), k)).collect();
         let mut list = Vec::new();
-        let mut add = |kind, name: String, at: Vec<f64>, limits| list.push(Quantity { kind, name, at, limits });
+        let mut add = |kind, name: String, at: Vec<f64>, [low, high]: [f64; 2]| {
+            let high = vec![high; at.len()];
+            list.push(Quantity { kind, name, at, low, high });
+        };
         for (name, asked) in &unknown.leaves {
             let (Some(k), Some(leaf)) = (index.get(name.as_str()), manifest.leaves.iter().find(|l| l.name == *name))
             else {
-                continue;
+                let what = "found a leaf that stands nowhere in the scene, expected one that pictures could show";
+                return Err(Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what));
             };
             let Some(stated) = &leaf.uniform else { continue };
             for what in asked {
@@ -136,12 +142,36 @@ impl Numbers {
                 }
                 _ => {
                     let at = sky.and_then(|s| s.turbidity).unwrap_or(3.0);
-                    add(Kind::Turbidity, "sky.turbidity".into(), vec![at], [1.9, 10.0]);
+                    let hosek = sky.and_then(|s| s.model) == Some(SkyModel::HosekWilkie);
+                    let low = if hosek { 1.0 } else { 1.7 };
+                    add(Kind::Turbidity, "sky.turbidity".into(), vec![at], [low, 10.0]);
                 }
             }
         }
         for group in groups {
             add(Kind::Exposure(group.clone()), format!("exposure.{group}"), vec![1.0], [1e-9, f64::INFINITY]);
+        }
+        // What a side reflects and lets through is at most all of the light.
+        for q in &mut list {
+            let (leaf, mine) = match q.kind {
+                Kind::RhoD(leaf, back) => (leaf, Some(back)),
+                Kind::RhoT(leaf) => (leaf, None),
+                _ => continue,
+            };
+            let Some((name, _)) = index.iter().find(|(_, k)| **k == leaf) else { continue };
+            let asked = |what: &str| unknown.leaves.get(*name).is_some_and(|list| list.iter().any(|n| n == what));
+            let Some(stated) = manifest.leaves.iter().find(|l| l.name == **name).and_then(|l| l.uniform.as_ref())
+            else {
+                continue;
+            };
+            for (c, high) in q.high.iter_mut().enumerate() {
+                let rest = match mine {
+                    Some(_) if !asked("rho_t") => stated.rho_t[c],
+                    None if !asked("rho_d") => stated.rho_d[0][c].max(stated.rho_d[1][c]),
+                    _ => 0.0,
+                };
+                *high = (1.0 - rest).max(0.0);
+            }
         }
         let leaves = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
         Ok(Numbers { world, manifest: manifest.clone(), leaves, list })
@@ -201,7 +231,7 @@ impl Numbers {
         if let (Some(map), Some(q)) = (&out.environment, self.find(&Kind::SkyScale)) {
             let stated = self.manifest.sky.as_ref().and_then(|s| s.scale).unwrap_or(1.0);
             let scaled = (**map).clone().placed(0.0, q.at[0] / stated);
-            let scaled = scaled.map_err(|what| crate::Error::field(&manifest.path, "sky.scale", what))?;
+            let scaled = scaled.map_err(|what| Error::field(&manifest.path, "sky.scale", what))?;
             out.environment = Some(Arc::new(scaled));
         }
         if out.environment.is_some() {
@@ -232,12 +262,24 @@ impl Numbers {
                         interior(&mut out.leaves[*leaf], back, |_, rho_t| *rho_t = map());
                     });
                 }
-                Kind::RhoS(leaf) => gloss(&mut out.leaves[*leaf], |gloss| gloss.rho_s = map()),
-                Kind::Slope(leaf) => gloss(&mut out.leaves[*leaf], |gloss| gloss.m = vec![q.at[0] as f32]),
+                Kind::RhoS(leaf) => self.gloss(&mut out, *leaf, |gloss| gloss.rho_s = map()),
+                Kind::Slope(leaf) => self.gloss(&mut out, *leaf, |gloss| gloss.m = vec![q.at[0] as f32]),
                 _ => {}
             }
         }
         Ok(out)
+    }
+
+    /// Changes the gloss of both sides; a matte side gets one that reflects nothing first, of the slope that the scene
+    /// states.
+    fn gloss(&self, world: &mut World, leaf: usize, change: impl Fn(&mut Gloss)) {
+        let stated = self.manifest.leaves.iter().find(|l| l.name == self.leaf_name(leaf));
+        let m = stated.and_then(|l| l.uniform.as_ref()).map_or(0.2, |u| u.m);
+        let of = &mut world.leaves[leaf];
+        for side in [&mut of.front, &mut of.back] {
+            let none = || Gloss { rho_s: [0, 1, 2].map(|_| vec![0.0]), m: vec![m as f32] };
+            change(side.gloss.get_or_insert_with(none));
+        }
     }
 
     /// What pictures of the world are differentiated by, each with the index of its unknown. An exposure has none, and
@@ -269,8 +311,7 @@ impl Numbers {
                     Of::Light { sky: Some(radiance(lights, 1.0 / at)), sun: sun.map(|v| v / at) }
                 }
                 Kind::Turbidity => {
-                    let [low, high] = q.limits;
-                    let [a, b] = [-1.0, 1.0].map(|s| (q.at[0] + s * TURBIDITY_STEP).clamp(low, high));
+                    let [a, b] = [-1.0, 1.0].map(|s| (q.at[0] + s * TURBIDITY_STEP).clamp(q.low, q.high[0]));
                     let [below, above] = [a, b].map(|t| self.lights(&self.lit(Some(t))));
                     let (below, above, over) = (below?, above?, 1.0 / (b - a));
                     let irradiance = |w: &World| w.sun.as_ref().map_or([0.0; 3], |s| s.irradiance);
@@ -299,13 +340,5 @@ fn interior(leaf: &mut ReferenceLeaf, back: bool, change: impl FnOnce(&mut [Vec<
     let side = if back { &mut leaf.back } else { &mut leaf.front };
     if let Interior::Maps { rho_d, rho_t } = &mut side.interior {
         change(rho_d, rho_t);
-    }
-}
-
-/// Changes the gloss of both sides; a matte side gets one that reflects nothing first.
-fn gloss(leaf: &mut ReferenceLeaf, change: impl Fn(&mut Gloss)) {
-    for side in [&mut leaf.front, &mut leaf.back] {
-        let none = || Gloss { rho_s: [0, 1, 2].map(|_| vec![0.0]), m: vec![0.2] };
-        change(side.gloss.get_or_insert_with(none));
     }
 }

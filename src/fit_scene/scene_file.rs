@@ -4,7 +4,7 @@ use crate::numbers::{Kind, Numbers};
 use crate::{Error, Result};
 use mesophyll_files::whole;
 use mesophyll_manifest::Manifest;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// The text of the scene with the present numbers in the place of its own. Names of files that exist become whole
@@ -16,7 +16,6 @@ pub fn found(manifest: &Manifest, numbers: &Numbers, out: &Path) -> Result<Strin
     let text = whole::text(&manifest.path)?;
     let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
     ["picture", "unknown", "brf"].iter().for_each(|key| drop(table.remove(*key)));
-    table.iter_mut().for_each(|(_, value)| absolute(manifest, value));
     let index = |k: usize| numbers.leaf_name(k);
     for q in &numbers.list {
         let numbers = Value::Array(q.at.iter().map(|v| Value::Float(*v)).collect());
@@ -55,6 +54,11 @@ pub fn found(manifest: &Manifest, numbers: &Numbers, out: &Path) -> Result<Strin
             Kind::Exposure(_) => {}
         }
     }
+    table.iter_mut().for_each(|(key, value)| {
+        files(manifest, key, value, &mut |text, path| {
+            *text = std::path::absolute(path).unwrap_or(path.to_path_buf()).display().to_string();
+        })
+    });
     let text = toml::to_string(&table).map_err(|e| Error::write(out, e))?;
     Ok(format!("# {} with what `mesophyll fit scene` found in its pictures.\n{text}", manifest.name))
 }
@@ -72,17 +76,33 @@ fn uniform<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Table> {
     leaves.iter_mut().filter_map(Value::as_table_mut).find(own)?.get_mut("uniform")?.as_table_mut()
 }
 
-/// Replaces every text that names an existing file beside the scene by its whole path.
-fn absolute(manifest: &Manifest, value: &mut Value) {
+/// Fields whose text is a file or a folder even where it could be a name.
+const FILES: [&str; 9] = ["mesh", "positions", "discs", "environment", "grow", "file", "mask", "fit", "capture"];
+
+/// Every file and folder that a scene names.
+///
+/// # Errors
+/// A scene file that can no longer be read.
+pub fn named(manifest: &Manifest) -> Result<Vec<PathBuf>> {
+    let text = whole::text(&manifest.path)?;
+    let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
+    let mut out = Vec::new();
+    table.iter_mut().for_each(|(key, value)| files(manifest, key, value, &mut |_, path| out.push(path.to_path_buf())));
+    Ok(out)
+}
+
+/// Calls `f` with every text that names an existing file or folder beside the scene, and with that.
+fn files(manifest: &Manifest, key: &str, value: &mut Value, f: &mut impl FnMut(&mut String, &Path)) {
     match value {
-        Value::String(text) => {
+        // Names have neither dots nor slashes.
+        Value::String(text) if FILES.contains(&key) || text.contains(['.', '/']) => {
             let path = manifest.resolve(Path::new(text.as_str()));
-            if !text.is_empty() && path.exists() {
-                *text = std::path::absolute(&path).unwrap_or(path).display().to_string();
+            if path.exists() {
+                f(text, &path);
             }
         }
-        Value::Array(list) => list.iter_mut().for_each(|v| absolute(manifest, v)),
-        Value::Table(table) => table.iter_mut().for_each(|(_, v)| absolute(manifest, v)),
+        Value::Array(list) => list.iter_mut().for_each(|v| files(manifest, key, v, f)),
+        Value::Table(table) => table.iter_mut().for_each(|(key, v)| files(manifest, key, v, f)),
         _ => {}
     }
 }

@@ -20,6 +20,7 @@ use mesophyll_solve::decompose::symmetric_eigen;
 use mesophyll_solve::{Termination, TraceRow};
 use mesophyll_transport::path::slopes::{Of, Sheet};
 use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// Paths a pixel of the first step, and at most.
@@ -41,9 +42,11 @@ const TYPICAL: f64 = 4.0;
 /// The largest relative step after which derivatives are those of before.
 const NEAR: f64 = 0.02;
 /// Readings farther from the picture than this many standard errors are wild, where they are few.
-const WILD: f64 = 6.0;
-/// The largest share of wild readings; more of them are a wrong model.
+pub const WILD: f64 = 6.0;
+/// The largest share of wild pixels, and how many may stand together with their neighbours; more of them are a wrong
+/// model.
 const FEW: f64 = 0.05;
+const ALONE: usize = 2;
 /// One reading, compared with the picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Compared {
@@ -65,7 +68,7 @@ pub struct Found {
     pub covariance: DMatrix<f64>,
     /// Why each number is not determined.
     pub undetermined: Vec<Option<String>>,
-    /// Readings compared with pictures of other paths than the steps'.
+    /// Readings compared with the last step's pictures, moved by that step, and held-out pictures with their own.
     pub compared: Vec<Compared>,
     /// Why the search ended.
     pub termination: Termination,
@@ -75,7 +78,7 @@ pub struct Found {
     pub paths: u32,
     /// Median of the pictures' own noise over the measurement's.
     pub own_noise: f64,
-    /// Number of wild readings that were left out.
+    /// Number of wild pixels that were left out.
     pub wild: usize,
 }
 
@@ -259,16 +262,38 @@ fn typical(compared: &[Compared]) -> f64 {
 }
 
 /// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows
-/// where it is.
+/// where it is. Where ρd and ρt would be more than 1 together, their sum is held there, and all other numbers follow.
 fn step(numbers: &Numbers, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
-    let unit = unit(numbers);
+    let (unit, before) = (unit(numbers), numbers.values());
+    let (mut matrix, mut gradient) = (normal.matrix.clone(), normal.gradient.clone());
+    (0..unit.len()).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
+    let mut held = BTreeSet::new();
+    loop {
+        let (step, stderr) = solved(&matrix, &gradient, &unit);
+        let over = |pair: &&[usize; 2]| pair.iter().map(|k| before[*k] + step[*k]).sum::<f64>() > 1.0 + 1e-9;
+        let sides = sums(numbers);
+        let new: Vec<[usize; 2]> = sides.iter().filter(|pair| !held.contains(*pair)).filter(over).copied().collect();
+        if new.is_empty() {
+            return (step, stderr);
+        }
+        for [d, t] in new {
+            let weight = 1e4 * matrix[(d, d)].max(matrix[(t, t)]);
+            for i in [d, t] {
+                gradient[i] += weight * (1.0 - before[d] - before[t]);
+                [d, t].into_iter().for_each(|j| matrix[(i, j)] += weight);
+            }
+            held.insert([d, t]);
+        }
+    }
+}
+
+/// The solution of the normal equations, and its standard errors.
+fn solved(matrix: &DMatrix<f64>, gradient: &DVector<f64>, unit: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let n = unit.len();
-    let mut matrix = normal.matrix.clone();
-    (0..n).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
     let scale: Vec<f64> = (0..n).map(|k| 1.0 / matrix[(k, k)].max(1.0 / (unit[k] * unit[k])).sqrt()).collect();
     let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (matrix[(i, j)] + matrix[(j, i)]) * scale[i] * scale[j]);
     let Some(eigen) = symmetric_eigen(scaled) else { return (vec![0.0; n], vec![f64::INFINITY; n]) };
-    let right = DVector::from_fn(n, |k, _| normal.gradient[k] * scale[k]);
+    let right = DVector::from_fn(n, |k, _| gradient[k] * scale[k]);
     let mut out = DVector::zeros(n);
     let mut variance = vec![0.0; n];
     for (k, value) in eigen.eigenvalues.iter().enumerate() {
@@ -287,38 +312,36 @@ fn step(numbers: &Numbers, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
 fn moved(numbers: &Numbers, before: &[f64], step: &[f64]) -> Vec<f64> {
     let mut out = Vec::with_capacity(before.len());
     for q in &numbers.list {
-        for _ in &q.at {
+        for channel in 0..q.at.len() {
             let k = out.len();
             let most = if q.is_factor() { 0.6 * before[k].abs() } else { 0.3 };
-            let [low, high] = q.limits;
-            out.push((before[k] + step[k].clamp(-most, most)).clamp(low, high));
+            out.push((before[k] + step[k].clamp(-most, most)).clamp(q.low, q.high[channel]));
         }
     }
     keep_energy(numbers, &mut out);
     out
 }
 
-/// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
-fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
+/// Places of ρd and ρt of each side and channel where both are unknown.
+fn sums(numbers: &Numbers) -> Vec<[usize; 2]> {
     let (first, _) = numbers.places();
-    let places: Vec<(usize, usize, bool)> = numbers
-        .list
-        .iter()
-        .zip(&first)
+    let all = || numbers.list.iter().zip(&first);
+    let through = |leaf: usize| all().find(|(q, _)| q.kind == Kind::RhoT(leaf)).map(|(_, first)| *first);
+    all()
         .filter_map(|(q, first)| match q.kind {
-            Kind::RhoD(leaf, _) | Kind::RhoDBoth(leaf) => Some((leaf, *first, true)),
-            Kind::RhoT(leaf) => Some((leaf, *first, false)),
+            Kind::RhoD(leaf, _) | Kind::RhoDBoth(leaf) => Some((*first, through(leaf)?)),
             _ => None,
         })
-        .collect();
-    for (leaf, d, _) in places.iter().filter(|p| p.2) {
-        for (_, t, _) in places.iter().filter(|p| !p.2 && p.0 == *leaf) {
-            for c in 0..3 {
-                let sum = values[d + c] + values[t + c];
-                if sum > 1.0 {
-                    (values[d + c], values[t + c]) = (values[d + c] / sum, values[t + c] / sum);
-                }
-            }
+        .flat_map(|(d, t)| [0, 1, 2].map(|c| [d + c, t + c]))
+        .collect()
+}
+
+/// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
+fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
+    for [d, t] in sums(numbers) {
+        let sum = values[d] + values[t];
+        if sum > 1.0 {
+            (values[d], values[t]) = (values[d] / sum, values[t] / sum);
         }
     }
 }
@@ -348,12 +371,25 @@ fn held_out(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<
     Ok(out)
 }
 
-/// Leaves pixels with wild readings out of the shots, where they are few, and returns how many readings are wild.
+/// Marks pixels with wild readings, where they are few and stand alone, and returns how many these are. What neighbours
+/// share is no accident of a pixel.
 fn leave_out(shots: &mut [Shot], compared: &[Compared]) -> usize {
-    let wild: Vec<&Compared> = compared.iter().filter(|c| c.residual.abs() > WILD).collect();
-    if wild.len() as f64 > FEW * compared.len() as f64 {
+    let far: BTreeSet<[usize; 2]> =
+        compared.iter().filter(|c| c.residual.abs() > WILD).map(|c| [c.at[0], c.at[1]]).collect();
+    let alone = |at: &&[usize; 2]| {
+        let [s, k] = **at;
+        let w = shots[s].size[0] as isize;
+        let (x, y) = (k as isize % w, k as isize / w);
+        let beside = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j)));
+        let inside = beside.filter(|(i, j)| (0..w).contains(i) && *j >= 0);
+        inside.filter(|(i, j)| far.contains(&[s, (j * w + i) as usize])).count() <= ALONE
+    };
+    let wild: Vec<[usize; 2]> = far.iter().filter(alone).copied().collect();
+    let wild: Vec<[usize; 2]> = wild.into_iter().filter(|[s, k]| shots[*s].uses[*k] != Use::Out).collect();
+    let all = shots.iter().flat_map(|s| &s.uses).filter(|of| **of != Use::Out).count();
+    if wild.len() as f64 > FEW * all as f64 {
         return 0;
     }
-    wild.iter().for_each(|c| shots[c.at[0]].uses[c.at[1]] = Use::Out);
+    wild.iter().for_each(|[s, k]| shots[*s].uses[*k] = Use::Wild);
     wild.len()
 }

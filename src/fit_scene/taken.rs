@@ -32,6 +32,8 @@ pub struct Shot {
     pub error: Option<Vec<[f64; 3]>>,
     /// Further errors, as a share of what the scene shows; both add as squares.
     pub noise: f64,
+    /// Errors of what is dark; they add as squares too.
+    pub floor: f64,
     /// What each reading is used for.
     pub uses: Vec<Use>,
     /// Name of its unknown factor.
@@ -56,6 +58,8 @@ pub enum Use {
     Fitted,
     /// It is only predicted, and judges the fit.
     Held,
+    /// It is far from what anything explains, and alone in that: it is only shown.
+    Wild,
     /// It does not count.
     Out,
 }
@@ -69,15 +73,19 @@ pub fn read(manifest: &Manifest) -> Result<Vec<Shot>> {
     for (k, taken) in manifest.taken.iter().enumerate() {
         let Some(view) = manifest.views.iter().find(|v| v.name == taken.view) else { continue };
         let mut shot = one(manifest, k, taken, reference::camera(view))?;
-        let others = out.iter().filter(|s| s.name == shot.name || s.name.starts_with(&format!("{}-", shot.name)));
-        let others = others.count();
-        if others > 0 {
-            shot.name += &format!("-{}", others + 1);
+        let mut number = 1;
+        while out.iter().any(|s| s.name == shot.name) {
+            number += 1;
+            shot.name = format!("{}-{number}", taken.view);
         }
         out.push(shot);
     }
     for (k, factors) in manifest.factors.iter().enumerate() {
         out.push(reflectances(manifest, k, factors)?);
+    }
+    if !out.iter().any(|shot| shot.uses.contains(&Use::Fitted)) {
+        let what = "found no reading to fit: all pixels are masked, saturated or held out";
+        return Err(Error::field(&manifest.path, "picture", what));
     }
     Ok(out)
 }
@@ -85,14 +93,17 @@ pub fn read(manifest: &Manifest) -> Result<Vec<Shot>> {
 /// A table of reflectance factors.
 fn reflectances(manifest: &Manifest, k: usize, factors: &Factors) -> Result<Shot> {
     let path = manifest.resolve(&factors.file);
-    let columns = ["brf_r", "brf_g", "brf_b"];
+    let table = Table::open(&path)?;
+    // `eval canopy` writes one channel at a time; where the table has one, it is that of all channels.
+    let columns = if table.column("brf").is_some() { ["brf"; 3] } else { ["brf_r", "brf_g", "brf_b"] };
     let optional = ["view_azimuth_deg".to_string()].into_iter().chain(columns.iter().map(|c| format!("{c}_err")));
     let spec = Spec {
         required: ["view_zenith_deg"].iter().chain(&columns).map(ToString::to_string).collect(),
         optional: optional.collect(),
         ..Spec::default()
     };
-    let table = Groups::one(Table::open(&path)?, &spec, "scene", &manifest.name)?;
+    let errors_there = columns.iter().all(|c| table.column(&format!("{c}_err")).is_some());
+    let table = Groups::one(table, &spec, "scene", &manifest.name)?;
     let sun = manifest.sun.as_ref().map_or(0.0, |sun| sun.azimuth_deg);
     let (mut toward, mut seen, mut errors) = (Vec::new(), Vec::new(), Vec::new());
     for row in table.rows() {
@@ -113,7 +124,11 @@ fn reflectances(manifest: &Manifest, k: usize, factors: &Factors) -> Result<Shot
     if seen.is_empty() {
         return Err(Error::input(&path, "found no readable row, expected directions with reflectance factors"));
     }
-    let stated = errors.iter().flatten().all(|e| e.is_finite() && *e >= 0.0);
+    if let Some((row, bad)) = table.rows().zip(&errors).find(|(_, e)| errors_there && e.iter().any(|e| !(*e >= 0.0))) {
+        let what = format!("line {}: found the errors {bad:?}, expected numbers of at least 0 in each", row.line);
+        return Err(Error::input(&path, what));
+    }
+    let stated = errors_there;
     if !stated && factors.noise.is_none() {
         let what = format!("missing; {} has no columns brf_r_err, brf_g_err, brf_b_err", path.display());
         return Err(Error::field(&manifest.path, &format!("brf[{k}].noise"), what));
@@ -126,6 +141,7 @@ fn reflectances(manifest: &Manifest, k: usize, factors: &Factors) -> Result<Shot
         seen,
         error: stated.then_some(errors),
         noise: factors.noise.unwrap_or(0.0),
+        floor: 0.0,
         exposure: None,
         saturated: 0,
     })
@@ -162,7 +178,11 @@ fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<S
                 let found = format!("found {}x{} pixels", read.width, read.height);
                 return Err(Error::input(&mask, format!("{found}, expected {}x{}, as its picture", size[0], size[1])));
             }
-            let first = read.channels.first().map(|(_, v)| v.clone()).unwrap_or_default();
+            let own = |name: &str| read.channels.iter().find(|(n, _)| n == name);
+            let only = || read.channels.first().filter(|_| read.channels.len() == 1);
+            let Some((_, first)) = own("Y").or_else(|| own("R")).or_else(only) else {
+                return Err(Error::input(&mask, "found neither a channel Y nor R, expected a mask"));
+            };
             first.iter().map(|v| if *v >= 0.5 { Use::Fitted } else { Use::Out }).collect()
         }
     };
@@ -176,9 +196,10 @@ fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<S
         let what = format!("found {:?} at {place}, expected finite numbers and errors of at least 0", seen[i]);
         return Err(Error::input(&path, what));
     }
-    let brightest = (0..3).map(|c| seen.iter().map(|s| s[c]).fold(0.0, f64::max)).collect::<Vec<f64>>();
+    let counted = || (0..seen.len()).filter(|i| uses[*i] != Use::Out);
+    let brightest = [0, 1, 2].map(|c| counted().map(|i| seen[i][c]).fold(0.0, f64::max));
     let full = |i: usize| (0..3).filter(|c| brightest[*c] > 0.0 && seen[i][*c] >= brightest[*c]).count() > 0;
-    let at_top = (0..seen.len()).filter(|i| uses[*i] != Use::Out && full(*i)).count();
+    let at_top = counted().filter(|i| full(*i)).count();
     let mut saturated = 0;
     if at_top >= SATURATED.0 && at_top as f64 > SATURATED.1 * seen.len() as f64 + 2.0 {
         saturated = at_top;
@@ -188,10 +209,12 @@ fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<S
         ));
         (0..seen.len()).filter(|i| full(*i)).for_each(|i| uses[i] = Use::Out);
     }
+    // A picture of few pixels has none to spare.
+    let large = seen.len() >= 100;
     for (i, own) in uses.iter_mut().enumerate().filter(|(_, own)| **own == Use::Fitted) {
         // A number without order, so that held-out pixels lie everywhere.
         let mixed = (i as u64 ^ (k as u64) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
-        if taken.held_out || mixed.is_multiple_of(HELD) {
+        if taken.held_out || large && mixed.is_multiple_of(HELD) {
             *own = Use::Held;
         }
     }
@@ -202,6 +225,7 @@ fn one(manifest: &Manifest, k: usize, taken: &Taken, camera: Camera) -> Result<S
         seen,
         error,
         noise: taken.noise.unwrap_or(0.0),
+        floor: taken.noise_floor.unwrap_or(0.0),
         uses,
         exposure: taken.exposure.clone(),
         saturated,

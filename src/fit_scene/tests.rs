@@ -82,6 +82,7 @@ fn tables_that_cannot_be_used_are_refused_before_anything_is_drawn() {
         ("ground = [\"albedo\"]", "leaves = { c = [\"rho_d\"] }", "unknown.leaves.c: found no leaf of this name"),
         ("ground = [\"albedo\"]", "leaves = { a = [\"sigma_a\"] }", "which pictures of a scene do not give"),
         ("ground = [\"albedo\"]", "sky = [\"turbidity\"]", "found \"turbidity\", but the sky has none"),
+        ("against.exr", "across.exr", "picture[1].file: across.exr is that of picture[0] too"),
         (unknown, "", "unknown: missing; expected an [unknown]"),
         (BOTH, "", "picture: missing; expected at least one [[picture]]"),
     ] {
@@ -143,4 +144,31 @@ fn reflectance_factors_of_a_canopy_give_leaves_and_ground() {
     let scene = opened(folder.path(), &text).unwrap();
     let error = run(&scene, &folder.path().join("refused"), &options, &Ledger::new()).unwrap_err();
     assert!(error.to_string().contains("there is a [sky]"), "{error}");
+}
+
+/// The same pictures of another geometry are another fit, and a part of a picture that is too bright is not left out as
+/// wild readings.
+#[test]
+fn geometry_belongs_to_a_fit_and_a_bright_patch_accuses_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let patch =
+        |k: usize, v: f64| if (10..14).contains(&(k % 32)) && (8..12).contains(&(k / 32)) { 1.5 * v } else { v };
+    photograph(folder.path(), &scene(TRUTH, ""), 1.0, patch).unwrap();
+    let text = scene(TRUTH, &format!("{BOTH}[unknown]\nground = [\"albedo\"]\n"));
+    let fit = || {
+        let scene = opened(folder.path(), &text).unwrap();
+        run(&scene, &folder.path().join("fit"), &Options { samples: 64, seed: 5, force: false }, &Ledger::new())
+            .unwrap()
+    };
+    let Outcome::Done(record) = fit() else { panic!("not fitted") };
+    assert_eq!(record.faults[0].name, "scene-model");
+    assert!(matches!(fit(), Outcome::UpToDate(_)));
+    let named = scene_file::named(&opened(folder.path(), &text).unwrap().manifest).unwrap();
+    assert!(named.iter().any(|file| file.ends_with("blade.gltf")) && named.iter().any(|f| f.ends_with("across.exr")));
+    let changed = made_up::blade().replace(r#""asset":{"#, r#""asset":{"generator":"other","#);
+    let before =
+        input_hash(&opened(folder.path(), &text).unwrap().manifest, &Options { samples: 64, seed: 5, force: false });
+    std::fs::write(folder.path().join("blade.gltf"), changed).unwrap();
+    let manifest = Manifest::read(&folder.path().join("scene.toml")).unwrap();
+    assert_ne!(before.unwrap(), input_hash(&manifest, &Options { samples: 64, seed: 5, force: false }).unwrap());
 }

@@ -19,6 +19,7 @@ mod view;
 pub use grass::Grass;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform, Up};
 pub use light::{Day, Shadows, Sky, Sun, SunIn, Transfer};
+pub use mesophyll_sky::SkyModel;
 pub use mesophyll_surface::basis::Basis;
 pub use picture::Pictured;
 pub use plant::{

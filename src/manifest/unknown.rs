@@ -17,7 +17,9 @@ pub struct Taken {
     pub file: PathBuf,
     /// Relative standard deviation of a pixel, for a file without errors; beside errors both add as squares.
     pub noise: Option<f64>,
-    /// A picture of the same size; pixels where its first channel is at least ½ count. All count when absent.
+    /// Standard deviation of a pixel where it is dark, in the scene's units; it adds as squares too.
+    pub noise_floor: Option<f64>,
+    /// A picture of the same size; pixels where its channel Y (or R) is at least ½ count. All count when absent.
     pub mask: Option<PathBuf>,
     /// Name of an unknown factor that all pictures with this name share: the picture shows the factor times the
     /// radiance. Without it the picture is in the scene's units.
@@ -97,6 +99,13 @@ impl Manifest {
             if found.is_none_or(|view| view.kind != ViewKind::Perspective) {
                 return bad(&field("view"), format!("found \"{}\", expected {}", picture.view, cameras()));
             }
+            if let Some(twin) = self.taken[..k].iter().position(|other| other.file == picture.file) {
+                let what = format!("{} is that of picture[{twin}] too, expected each once", picture.file.display());
+                return bad(&field("file"), what);
+            }
+            if let Some(floor) = picture.noise_floor.filter(|n| !(*n >= 0.0 && n.is_finite())) {
+                return bad(&field("noise_floor"), format!("found {floor}, expected a radiance of at least 0"));
+            }
             if let Some(noise) = picture.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
                 return bad(&field("noise"), format!("found {noise}, expected a share above 0 and below 1"));
             }
@@ -127,6 +136,11 @@ impl Manifest {
                 if !OF_LEAVES.contains(&number.as_str()) {
                     return bad(&field, format!("found \"{number}\", expected some of {}", OF_LEAVES.join(", ")));
                 }
+            }
+            if leaf.layers.is_some() {
+                let what =
+                    "found a leaf of layers, expected one with `uniform`; `fit foliar` finds layers from spectra";
+                return bad(&field, what.into());
             }
             if leaf.uniform.is_none() {
                 let what =

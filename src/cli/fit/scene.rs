@@ -22,6 +22,7 @@ use std::path::PathBuf;
   view = \"across\"           the perspective view whose camera took it
   file = \"across.exr\"       linear R, G, B in the scene's units, and error.R, error.G, error.B where there are any
   noise = 0.01              relative standard deviation; beside errors in the file both add as squares
+  noise_floor = 0.002       standard deviation where it is dark, in the scene's units; adds too
   mask = \"mask.exr\"         pixels that count, where not all do
   exposure = \"camera-1\"     an unknown factor that pictures with this name share
   held_out = true           only predicted, to judge the fit

@@ -117,13 +117,17 @@ impl<'a> Slopes<'a> {
             self.light(&mut out, [1.0; 3], behind, self.unit(disk));
             return out;
         };
-        let (mut carried, mut d) = ([1.0; 3], vec![[0.0; 3]; self.of.len()]);
+        let (mut carried, mut d) = ([1.0; 3], vec![[0.0f64; 3]; self.of.len()]);
         let by_lights = lights.drawn(strategy);
         for turned in 1..=most {
             let surface = stage.surface(&met, SideBy::Triangle);
             let of_leaf = self.leaves[stage.world.instances[surface.instance].leaf];
-            // Which lobe is drawn follows what is carried; where that is nothing, all channels count alike.
-            let weigh = if carried.iter().any(|c| *c > 0.0) { carried } else { [1.0; 3] };
+            // Which lobe is drawn follows what is carried, and its derivatives.
+            let mut weigh = carried;
+            d.iter().for_each(|d| (0..3).for_each(|c| weigh[c] += WORTH * d[c].abs()));
+            if weigh.iter().all(|c| *c <= 0.0) {
+                weigh = [1.0; 3];
+            }
             let mut scatter = Scatter::new(stage, &surface, weigh, surface.rho_t());
             let by_side = of_leaf[usize::from(surface.back)];
             let asked = [by_side.is_some(), of_leaf[2].is_some(), of_leaf[3].is_some() || of_leaf[4].is_some()];
