@@ -63,8 +63,13 @@ pub fn is_fitted(shot: &Shot) -> bool {
 
 /// The factor of a shot.
 pub fn exposure(numbers: &Numbers, shot: &Shot) -> f64 {
-    let own = |kind: &Kind| matches!((kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b);
-    numbers.list.iter().find(|q| own(&q.kind)).map_or(1.0, |q| q.at[0])
+    exposure_of(numbers, shot).map_or(1.0, |k| numbers.list[k].at[0])
+}
+
+/// Index of the unknown that is the factor of a shot.
+pub fn exposure_of(numbers: &Numbers, shot: &Shot) -> Option<usize> {
+    let name = shot.exposure.as_ref()?;
+    numbers.list.iter().position(|q| matches!(&q.kind, Kind::Exposure(own) if own == name))
 }
 
 /// Rounds and paths a round of half as many paths as these.

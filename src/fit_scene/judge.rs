@@ -145,8 +145,8 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     ] {
         section.figures.insert(name.into(), value);
     }
-    section.counts.insert("wild pixels left out".into(), found.wild);
-    section.counts.insert("saturated pixels left out".into(), shots.iter().map(|s| s.saturated).sum());
+    section.counts.insert("wild_pixels".into(), found.wild);
+    section.counts.insert("saturated_pixels".into(), shots.iter().map(|s| s.saturated).sum());
     section
 }
 

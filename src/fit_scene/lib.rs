@@ -116,7 +116,7 @@ fn fit(
     files.extend(judge::residual_tables(&shots, &found, &out)?);
     atomic::write_bytes(&out.join(SCENE), scene_file::found(manifest, &numbers, &out)?.as_bytes())?;
     files.push(SCENE.into());
-    let mut text = String::from("step,paths_seconds,half_chi2,largest_step_in_standard_errors\n");
+    let mut text = String::from("step,seconds,half_chi2,step_in_standard_errors\n");
     for row in &found.trace {
         text += &format!("{},{:.3},{:.6e},{:.4}\n", row.iteration + 1, row.elapsed_s, row.cost, row.step);
     }
@@ -162,7 +162,7 @@ pub fn summary(record: &FitRecord) -> String {
         };
     }
     for (what, count) in section.counts.iter().filter(|(_, count)| **count > 0) {
-        text += &format!("{count} {what}\n");
+        text += &format!("{count} {} left out\n", what.replace('_', " "));
     }
     for (what, residuals) in &section.residuals {
         text += &format!("{what}: {} readings, reduced χ² {:.4}\n", residuals.samples, residuals.reduced_chi2);

@@ -11,8 +11,8 @@
 //! than noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
 
 use crate::covariance::{covariance, unit};
-use crate::drawn::{draw, exposure, is_fitted, rounds, variances};
-use crate::numbers::{Kind, Numbers, Quantity};
+use crate::drawn::{draw, exposure, exposure_of, is_fitted, rounds, variances};
+use crate::numbers::{Kind, Numbers};
 use crate::taken::{Shot, Use};
 use crate::{Options, Result};
 use mesophyll_files::progress::{self, Bar};
@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-/// Paths a pixel of the first step, and at most.
+/// Paths a pixel of the first step.
 const PATHS: u32 = 16;
 /// Most steps.
 const STEPS: usize = 24;
@@ -47,6 +47,7 @@ pub const WILD: f64 = 6.0;
 /// model.
 const FEW: f64 = 0.05;
 const ALONE: usize = 2;
+
 /// One reading, compared with the picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Compared {
@@ -56,6 +57,8 @@ pub struct Compared {
     pub residual: f64,
     /// That standard error.
     pub error: f64,
+    /// The picture's own noise over the measurement's.
+    pub own: f64,
     /// What the picture shows.
     pub shown: f64,
     /// What the reading is used for.
@@ -193,31 +196,13 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
         draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 1)?,
         draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 2)?,
     );
-    let (mut chi2, mut count, mut shares, mut compared) = (0.0, 0, Vec::new(), Vec::new());
-    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| is_fitted(shot)) {
-        let factor = exposure(numbers, shot);
-        let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
-        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
-            let [measured, own] = variances[k];
-            for c in 0..3 {
-                let error = (measured[c] + own[c]).sqrt();
-                let shown = factor * a[s].mean[k][c];
-                let r = shot.seen[k][c] - shown;
-                // Where nothing is seen, nothing is learnt.
-                if !(error.is_finite() && error > 0.0) || shot.seen[k][c] == 0.0 && r == 0.0 {
-                    continue;
-                }
-                let of = shot.uses[k];
-                compared.push(Compared { at: [s, k, c], residual: r / error, error, shown, of });
-                if of == Use::Fitted {
-                    chi2 += (r / error).powi(2);
-                    count += 1;
-                    shares.push((own[c] / measured[c]).sqrt());
-                }
-            }
-        }
-    }
-    let limit = TYPICAL * typical(&compared).max(1.0);
+    let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
+    let fitted = || compared.iter().filter(|c| c.of == Use::Fitted);
+    let (chi2, count) = (fitted().map(|c| c.residual * c.residual).sum(), fitted().count());
+    let own = median(fitted().map(|c| c.own).collect()).unwrap_or(0.0);
+    // The median over that of a normal distribution.
+    let typical = median(compared.iter().map(|c| c.residual.abs()).collect()).unwrap_or(0.0) / 0.674_5;
+    let limit = TYPICAL * typical.max(1.0);
     let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
     let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
     let mut by = Vec::new();
@@ -233,8 +218,7 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
                 row.push((number, p, q));
             }
         }
-        let own = |q: &Quantity| matches!((&q.kind, &shot.exposure), (Kind::Exposure(a), Some(b)) if a == b);
-        if let Some(q) = numbers.list.iter().position(own) {
+        if let Some(q) = exposure_of(numbers, shot) {
             row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
         }
         by.extend(row.iter().map(|(number, p, q)| (place, *number, 0.5 * (p + q))));
@@ -249,16 +233,42 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
             }
         }
     }
-    let middle = shares.len() / 2;
-    let own = if shares.is_empty() { 0.0 } else { *shares.select_nth_unstable_by(middle, f64::total_cmp).1 };
     Ok(Normal { matrix, gradient, chi2, count, own, compared, slopes: by })
 }
 
-/// The size of a typical residual: the median, over that of a normal distribution.
-fn typical(compared: &[Compared]) -> f64 {
-    let mut all: Vec<f64> = compared.iter().map(|c| c.residual.abs()).collect();
+fn median(mut all: Vec<f64>) -> Option<f64> {
     let middle = all.len() / 2;
-    if all.is_empty() { 1.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_5 }
+    (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the
+/// variances.
+fn compared(
+    numbers: &Numbers,
+    shots: &[Shot],
+    wanted: impl Fn(&Shot) -> bool,
+    shown: &[Sheet],
+    [one, two]: [&[Sheet]; 2],
+    rounds: u32,
+) -> Vec<Compared> {
+    let mut out = Vec::new();
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| wanted(shot)) {
+        let factor = exposure(numbers, shot);
+        let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
+        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
+            let [measured, own] = variances[k];
+            for c in 0..3 {
+                let (error, shown) = ((measured[c] + own[c]).sqrt(), factor * shown[s].mean[k][c]);
+                let residual = (shot.seen[k][c] - shown) / error;
+                // Where nothing is seen, nothing is learnt.
+                if residual.is_finite() && (shot.seen[k][c] != 0.0 || shown != 0.0) {
+                    let own = (own[c] / measured[c]).sqrt();
+                    out.push(Compared { at: [s, k, c], residual, error, own, shown, of: shot.uses[k] });
+                }
+            }
+        }
+    }
+    out
 }
 
 /// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows
@@ -353,22 +363,7 @@ fn held_out(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<
     let shown = draw(numbers, shots, all, &[], [2 * rounds, each], seed)?;
     let one = draw(numbers, shots, all, &[], [rounds, each], seed + 7)?;
     let two = draw(numbers, shots, all, &[], [rounds, each], seed + 8)?;
-    let mut out = Vec::new();
-    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| !is_fitted(shot)) {
-        let factor = exposure(numbers, shot);
-        let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
-        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
-            for c in 0..3 {
-                let error = (variances[k][0][c] + variances[k][1][c]).sqrt();
-                let shown = factor * shown[s].mean[k][c];
-                let residual = (shot.seen[k][c] - shown) / error;
-                if residual.is_finite() && (shot.seen[k][c] != 0.0 || shown != 0.0) {
-                    out.push(Compared { at: [s, k, c], residual, error, shown, of: shot.uses[k] });
-                }
-            }
-        }
-    }
-    Ok(out)
+    Ok(compared(numbers, shots, all, &shown, [&one, &two], rounds))
 }
 
 /// Marks pixels with wild readings, where they are few and stand alone, and returns how many these are. What neighbours

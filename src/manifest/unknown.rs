@@ -137,6 +137,11 @@ impl Manifest {
                     return bad(&field, format!("found \"{number}\", expected some of {}", OF_LEAVES.join(", ")));
                 }
             }
+            let twin = self.leaves.iter().find(|other| other.like.as_ref() == Some(name));
+            if let Some(other) = leaf.like.as_ref().or(twin.map(|twin| &twin.name)) {
+                let what = format!("found a leaf that shares its numbers with \"{other}\" (like), expected one alone");
+                return bad(&field, what);
+            }
             if leaf.layers.is_some() {
                 let what =
                     "found a leaf of layers, expected one with `uniform`; `fit foliar` finds layers from spectra";

@@ -18,6 +18,7 @@ pub fn take(soup: &Soup, pieces: &[Piece], leaves: &mut Vec<Leaf>) -> usize {
     let places: Vec<Vec<DVec3>> = leaves.iter().map(|leaf| places(soup, &pieces[leaf.piece])).collect();
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     order.sort_by(|a, b| leaves[*a].centre.x.total_cmp(&leaves[*b].centre.x));
+    let name = |k: usize| soup.material(&pieces[leaves[k].piece]);
     let mut pairs: Vec<[usize; 2]> = Vec::new();
     let mut paired = vec![false; leaves.len()];
     for (k, a) in order.iter().enumerate() {
@@ -27,34 +28,20 @@ pub fn take(soup: &Soup, pieces: &[Piece], leaves: &mut Vec<Leaf>) -> usize {
             near.copied().find(|b| !paired[*a] && !paired[*b] && same(one, &leaves[*b], [&places[*a], &places[*b]]));
         if let Some(b) = found {
             (paired[*a], paired[b]) = (true, true);
-            pairs.push([(*a).min(b), (*a).max(b)]);
+            // By material, then as they come.
+            let mut pair = [*a, b];
+            pair.sort_by_key(|k| (name(*k), *k));
+            pairs.push(pair);
         }
     }
     let up = |k: usize| pieces[leaves[k].piece].triangles.iter().map(|t| facing(soup, *t).y).sum::<f64>();
-    let name = |k: usize| soup.material(&pieces[leaves[k].piece]);
     // By how much the first material of each two faces upwards more than the second.
     let mut more: BTreeMap<[&str; 2], f64> = BTreeMap::new();
     for [a, b] in &pairs {
-        let (first, second) = if name(*a) <= name(*b) { (*a, *b) } else { (*b, *a) };
-        *more.entry([name(first), name(second)]).or_default() += up(first) - up(second);
+        *more.entry([name(*a), name(*b)]).or_default() += up(*a) - up(*b);
     }
-    let back = |[a, b]: &[usize; 2]| match (name(*a) == name(*b), name(*a) < name(*b)) {
-        (true, _) => *b,
-        (_, true) => {
-            if more[&[name(*a), name(*b)]] >= 0.0 {
-                *b
-            } else {
-                *a
-            }
-        }
-        (_, false) => {
-            if more[&[name(*b), name(*a)]] >= 0.0 {
-                *a
-            } else {
-                *b
-            }
-        }
-    };
+    let second = |[a, b]: &[usize; 2]| name(*a) == name(*b) || more[&[name(*a), name(*b)]] >= 0.0;
+    let back = |pair: &[usize; 2]| pair[usize::from(second(pair))];
     let backs: BTreeSet<usize> = pairs.iter().map(back).collect();
     let triangles = backs.iter().map(|k| pieces[leaves[*k].piece].triangles.len()).sum();
     let mut index = 0;

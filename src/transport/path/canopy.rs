@@ -107,12 +107,12 @@ impl<'a> Canopy<'a> {
     pub fn brf(&self, [zenith, azimuth]: [f64; 2], channel: usize, paths: u32) -> Estimate {
         let (sin, cos) = zenith.sin_cos();
         let toward = DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
-        let scale = PI / (self.irradiance[channel] * self.sun.z);
+        let scale = self.factors()[channel];
         let key = toward.to_array().iter().fold(self.seed, |key, x| mix(key, x.to_bits()));
         let [brf] = estimate(key, paths, |samples| {
             let begun = samples.iter_mut().map(|samples| {
                 let [u, v, ..] = samples.next();
-                (self.enter(-toward, [u, v]), samples)
+                (self.seen_from([zenith, azimuth], [u, v]), samples)
             });
             self.tracer.follow_each(begun).into_iter().map(|path| [scale * path.radiance[channel]]).collect()
         });
