@@ -20,7 +20,7 @@
 //! Reflectance, gloss and normal of one texel, from the light of a tube that travels over it:
 //!
 //! ```
-//! use mesophyll::fit::gloss::{TexelFitter, synthetic::{Noise, Truth, device, pass_x, trace}};
+//! use mesophyll::fits::gloss::{TexelFitter, synthetic::{Noise, Truth, device, pass_x, trace}};
 //! use mesophyll::optics::{gloss::Lobe, tube::Travel};
 //!
 //! let (device, positions) = (device(Lobe::Beckmann, 0.005), pass_x(100));
@@ -50,53 +50,33 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 14  main
-//! 13  cli
-//! 12  report
-//! 11  proof
-//! 10  check         fit_scene   python
-//! 9   scene
-//! 8   placed        export
-//! 7   manifest
-//! 6   fit           fit_branch  fit_grass  fit_sky   fit_translucency   fit_transfer
-//! 5   leaf          photo
-//! 4   capture
-//! 3   translucency  walk        transport   record      window    bundle
-//! 2   optics        viewer      flora       foreign
-//! 1   surface       solve       sky         plant      files       rays
-//! 0   error         quadrature  fourier     processor
+//! 12  cli           main
+//! 11  report
+//! 10  proof
+//! 9   check         fit_scene   python
+//! 8   scene         export
+//! 7   fits
+//! 6   capture
+//! 5   web
+//! 4   optics
 //! ```
 
+pub use mesophyll_base as base;
 pub use mesophyll_capture as capture;
 #[cfg(feature = "render")]
 pub use mesophyll_check as check;
-pub use mesophyll_error as error;
 pub use mesophyll_export as export;
 pub use mesophyll_files as files;
-pub use mesophyll_fit as fit;
-pub use mesophyll_fit_branch as fit_branch;
-pub use mesophyll_fit_grass as fit_grass;
 pub use mesophyll_fit_scene as fit_scene;
-pub use mesophyll_fit_sky as fit_sky;
-pub use mesophyll_fit_translucency as fit_translucency;
-pub use mesophyll_flora as flora;
-pub use mesophyll_foreign as foreign;
-pub use mesophyll_leaf as leaf;
-pub use mesophyll_manifest as manifest;
+pub use mesophyll_fits as fits;
 pub use mesophyll_optics as optics;
-pub use mesophyll_photo as photo;
-pub use mesophyll_placed as placed;
-pub use mesophyll_plant as plant;
+pub use mesophyll_plants as plants;
 pub use mesophyll_proof as proof;
-pub use mesophyll_quadrature as quadrature;
-pub use mesophyll_rays as rays;
-pub use mesophyll_record as record;
 pub use mesophyll_report as report;
 pub use mesophyll_scene as scene;
 pub use mesophyll_sky as sky;
-pub use mesophyll_solve as solve;
-pub use mesophyll_translucency as translucency;
 pub use mesophyll_transport as transport;
-pub use mesophyll_walk as walk;
 
-pub use error::{Error, Result};
+pub mod cli;
+
+pub use base::error::{Error, Result};

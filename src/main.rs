@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 #[global_allocator]
-static MEMORY: mesophyll_cli::OrSentence = mesophyll_cli::OrSentence;
+static MEMORY: mesophyll::cli::OrSentence = mesophyll::cli::OrSentence;
 
 fn main() -> ExitCode {
-    mesophyll_cli::main()
+    mesophyll::cli::main()
 }

@@ -1,7 +1,7 @@
 //! What the batch forms (CSV in, CSV out) share: the sentence at the end of a run.
 
 use super::{Common, print_json};
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{BatchIo, Tally, counted};
 use std::path::Path;

@@ -2,7 +2,7 @@
 //! they are installed.
 
 use super::{Common, models, place};
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::Bar;

@@ -1,7 +1,7 @@
 //! `mesophyll check`.
 
 use super::Common;
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -48,10 +48,10 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
-    use mesophyll_manifest::{Manifest, ViewKind};
-    use mesophyll_placed::{Placed, leaf::Search};
-    use mesophyll_placed::{fits::missing, ledger::Ledger};
     use mesophyll_scene::loaded::Scene;
+    use mesophyll_scene::manifest::{Manifest, ViewKind};
+    use mesophyll_scene::placed::{Placed, leaf::Search};
+    use mesophyll_scene::placed::{fits::missing, ledger::Ledger};
 
     let begun = std::time::Instant::now();
     let mut manifest = Manifest::read(&args.scene)?;
@@ -127,7 +127,7 @@ pub(super) fn judged(
     scene: &mesophyll_scene::loaded::Scene,
     options: &mesophyll_check::Options,
     compare: Option<Option<&std::path::Path>>,
-    ledger: &mesophyll_placed::ledger::Ledger,
+    ledger: &mesophyll_scene::placed::ledger::Ledger,
 ) -> Result<(bool, String, serde_json::Value)> {
     use mesophyll_check::{check, interiors};
 
@@ -146,5 +146,5 @@ pub(super) fn judged(
 
 #[cfg(not(feature = "render"))]
 pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(crate::Error::Missed("nothing was checked: this build has no renderer (feature `render`)".into()))
+    Err(crate::cli::Error::Missed("nothing was checked: this build has no renderer (feature `render`)".into()))
 }

@@ -1,6 +1,6 @@
 //! `mesophyll completions SHELL`: a completion script for bash, zsh, fish, elvish or PowerShell.
 
-use crate::Result;
+use crate::cli::Result;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {

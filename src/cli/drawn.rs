@@ -1,6 +1,6 @@
 //! Sweeps that draw. They have rows only in a build with a renderer.
 
-use crate::Result;
+use crate::cli::Result;
 use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::{grass, render};

@@ -1,6 +1,6 @@
 //! `mesophyll dress`: fitted leaves on a plant that another program wrote.
 
-use crate::{Common, Error, Result};
+use crate::cli::{Common, Error, Result};
 use mesophyll_export::dress::{Leaf, Options, dress};
 use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
@@ -49,12 +49,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if args.out.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", args.out.display())));
     }
-    if crate::place::is_stdout(&args.out) {
+    if crate::cli::place::is_stdout(&args.out) {
         return Err(Error::Usage("-o -: two files are written; expected a name, not standard output".into()));
     }
     claim::file(&args.out, &["glb"], &[&args.plant])?;
     for leaf in &args.leaves {
-        crate::ready::fit(&leaf.fit)?;
+        crate::cli::ready::fit(&leaf.fit)?;
     }
     let options = Options { make_uv: args.make_uv, scatter: args.scatter };
     let done = dress(&args.plant, &args.leaves, options, &args.out)?;
@@ -63,7 +63,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let share = (area > 0.0).then(|| kept / area);
     if common.json {
         let files: Vec<String> = done.exported.files.iter().map(|p| p.display().to_string()).collect();
-        crate::print_json(&serde_json::json!({
+        crate::cli::print_json(&serde_json::json!({
             "written": files, "primitives": done.primitives, "triangles": done.triangles,
             "triangles_with_made_uv": done.made, "scattered": done.scattered, "share_on_the_blade": share,
             "warnings": done.warnings, "undressed": done.undressed,

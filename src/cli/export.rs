@@ -1,22 +1,22 @@
 //! `mesophyll export DIR --to FORMAT -o PATH`, and of a scene its plants as they stand at a time.
 
 use super::{Common, place};
-use crate::named::named;
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Error, Result};
 use clap::builder::{PossibleValue, TypedValueParser};
 use mesophyll_export::coat::Lost;
 use mesophyll_export::shown::{Shown, unmeasured};
 use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Exported, Format, assemble, export};
 use mesophyll_files::{claim, progress};
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::fits::missing;
-use mesophyll_placed::leaf::Search;
-use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::{self as placed, Placed};
-use mesophyll_record::FitRecord;
+use mesophyll_fits::record::FitRecord;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::fits::missing;
+use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::placed::{self as placed, Placed};
 use mesophyll_scene::traced;
 use std::path::{Path, PathBuf};
 use strum::IntoEnumIterator;
@@ -330,7 +330,7 @@ fn with_plants(scene: &Path) -> Result<Manifest> {
 fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
     let manifest = with_plants(scene)?;
     let time = time.unwrap_or_else(|| manifest.rest_time());
-    mesophyll_flora::file::write(&placed::posed::plants(&manifest, time, &Ledger::new())?, path)?;
+    mesophyll_plants::file::write(&placed::posed::plants(&manifest, time, &Ledger::new())?, path)?;
     Ok(vec![path.to_path_buf()])
 }
 
@@ -346,7 +346,7 @@ fn pivots(scene: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     let _claim = claim::folder(folder, claim::Kind::Pivots, &[scene])?;
     let plant = placed::posed::resting(&manifest, &Ledger::new())?;
     claim::begin(folder, claim::Kind::Pivots)?;
-    let written = mesophyll_flora::file::write_pivots(&plant, folder)?;
+    let written = mesophyll_plants::file::write_pivots(&plant, folder)?;
     claim::finish(folder)?;
     Ok(written)
 }

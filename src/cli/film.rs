@@ -1,7 +1,7 @@
 //! `mesophyll film`.
 
 use super::Common;
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 #[cfg(feature = "render")]
 use std::path::Path;
 use std::path::PathBuf;
@@ -50,10 +50,10 @@ pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_files::{claim, progress};
-    use mesophyll_placed::ledger::Ledger;
     use mesophyll_scene::film::{self, Options};
+    use mesophyll_scene::placed::ledger::Ledger;
 
-    let manifest = mesophyll_manifest::Manifest::read(&args.scene)?;
+    let manifest = mesophyll_scene::manifest::Manifest::read(&args.scene)?;
     let mut options = Options {
         out: args.out.clone(),
         view: args.view.clone(),

@@ -1,10 +1,10 @@
 //! `mesophyll grow`: a description in, a plant out.
 
-use crate::{Common, Result};
+use crate::cli::{Common, Result};
 use mesophyll_files::{claim, progress};
-use mesophyll_flora::file;
-use mesophyll_flora::form::Plant;
-use mesophyll_flora::grow::described;
+use mesophyll_plants::file;
+use mesophyll_plants::form::Plant;
+use mesophyll_plants::grow::described;
 use std::path::PathBuf;
 
 /// Grows a plant or a meadow from its description and writes it as glTF: a node a branch, leaves as instances.
@@ -34,7 +34,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let levels = plant.branches.iter().map(|b| b.level + 1).max().unwrap_or(0);
     let (branches, leaves) = (plant.branches.len(), plant.leaves.len());
     if common.json {
-        crate::print_json(&serde_json::json!({
+        crate::cli::print_json(&serde_json::json!({
             "file": args.out, "name": plant.name, "branches": branches, "levels": levels, "leaves": leaves,
             "vertices": vertices, "triangles": triangles,
         }))?;

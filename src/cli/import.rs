@@ -1,14 +1,14 @@
 //! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out, or a plant that bends; or the
 //! pictures of a leaf in, and a leaf whose look is stated out.
 
-use crate::named::named;
-use crate::{Common, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, Result};
 use mesophyll_files::table::counted;
 use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, claim, progress};
-use mesophyll_fit::look::{self, Look};
-use mesophyll_flora::file::write;
-use mesophyll_flora::import::{Found, import, plant, strange, table};
+use mesophyll_fits::look::{self, Look};
+use mesophyll_plants::file::write;
+use mesophyll_plants::import::{Found, import, plant, strange, table};
 use std::path::PathBuf;
 
 /// Finds the branches and the leaves of a plant in a glTF file, also of one list of triangles without nodes; or makes a
@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(value_name = "PLANT.glb|LOOK.toml")]
     plant: PathBuf,
     /// Folder for the tables or the leaf, or a file (.glb) for the plant with branches
-    #[arg(short, long, alias = "output", value_name = "DIR|FILE.glb", value_parser = crate::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR|FILE.glb", value_parser = crate::cli::place::folder())]
     out: PathBuf,
     /// What one unit of the file's lengths is; default: the metre, or what the file's asset.extras.unit says
     #[arg(long, value_name = "UNIT", value_parser = named::<Unit>())]
@@ -42,13 +42,13 @@ pub struct Args {
 /// The maps and the blade of a leaf whose look is stated.
 fn look(args: &Args, common: &Common) -> Result<u8> {
     if let Some(unit) = args.unit {
-        return Err(crate::Error::argument("--unit", format!("{unit:?}"), "a plant; a look states width_mm"));
+        return Err(crate::cli::Error::argument("--unit", format!("{unit:?}"), "a plant; a look states width_mm"));
     }
     let name = args.plant.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let record = look::run(&Look::read(&args.plant)?, &name, &args.out, false)?;
     let stated = record.stated();
     if common.json {
-        crate::print_json(&serde_json::json!({"written": args.out, "kind": record.kind, "stated": stated}))?;
+        crate::cli::print_json(&serde_json::json!({"written": args.out, "kind": record.kind, "stated": stated}))?;
         return Ok(0);
     }
     progress::say(format!("{}: a leaf that is stated, not fitted", args.out.display()));
@@ -85,7 +85,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let _claim = claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
         claim::begin(&args.out, claim::Kind::Import)?;
         table::write(&found, &args.out)?;
-        let text = serde_json::to_string_pretty(&summary).map_err(|e| crate::Error::write(&args.out, e))?;
+        let text = serde_json::to_string_pretty(&summary).map_err(|e| crate::cli::Error::write(&args.out, e))?;
         atomic::write_bytes(&args.out.join("import.json"), format!("{text}\n").as_bytes())?;
         claim::finish(&args.out)?;
     }
@@ -96,7 +96,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     if common.json {
         summary["warnings"] = warnings.into();
-        crate::print_json(&summary)?;
+        crate::cli::print_json(&summary)?;
         return Ok(0);
     }
     let count = |key: &str| summary[key].as_u64().unwrap_or(0);

@@ -1,7 +1,7 @@
 //! `mesophyll man [VERB…]`: the manual page of the program or of one of its verbs, for `man -l -`.
 
-use crate::Result;
-use mesophyll_error::Error;
+use crate::cli::Result;
+use mesophyll_base::error::Error;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:

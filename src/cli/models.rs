@@ -1,7 +1,7 @@
 //! The models, one entry for each. `fit`, `eval`, `bench`, `bench --peers` and `stress`, their help texts and the
 //! completions read only this list. `docs/adding.md` says which files a new model has besides its entry.
 
-use crate::{Common, Error, Result, drawn, eval, fit};
+use crate::cli::{Common, Error, Result, drawn, eval, fit};
 use clap::{ArgMatches, Command, FromArgMatches};
 use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
@@ -364,7 +364,7 @@ mod tests {
     /// The page that says what a new model touches names files that are there.
     #[test]
     fn the_files_of_the_page_are_there() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(".");
         let page = std::fs::read_to_string(root.join("docs/adding.md")).unwrap();
         let mut seen = 0;
         for line in page.lines() {

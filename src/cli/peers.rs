@@ -1,7 +1,7 @@
 //! Peers of `bench --peers`: the scripts of `tests/peers`. They run where Python and their modules are installed;
 //! elsewhere they are skipped with a message.
 
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;

@@ -1,6 +1,6 @@
 //! Where a verb's output goes, as its `-o, --out` says: a folder, a file, or `-` for standard output.
 
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use mesophyll_files::atomic;
 use std::path::{Path, PathBuf};

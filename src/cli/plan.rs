@@ -1,11 +1,11 @@
 //! `mesophyll plan`.
 
 use super::Common;
-use crate::Result;
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::fits::missing::input_hash;
-use mesophyll_placed::{leaf::Search, ledger::Ledger};
+use crate::cli::Result;
 use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::fits::missing::input_hash;
+use mesophyll_scene::placed::{leaf::Search, ledger::Ledger};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

@@ -1,20 +1,20 @@
 //! Fits as others use them: what was fitted, unchanged. A scene together with every fit that it needs.
 
-use crate::Result;
+use crate::cli::Result;
 use mesophyll_files::progress;
-use mesophyll_fit::consistency;
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::fits::missing;
-use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::{Placed, leaf::Search};
+use mesophyll_fits::consistency;
 use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::fits::missing;
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::placed::{Placed, leaf::Search};
 use std::path::Path;
 
 /// Looks at the fit in `folder` before it is used: one that was changed since it was fitted is refused, and numbers
 /// that contradict each other are said. A folder without a fit is left to the one who reads it.
 ///
 /// # Errors
-/// [`crate::Error::Missed`] for a changed fit, [`crate::Error::Input`] for a damaged one.
+/// [`crate::cli::Error::Missed`] for a changed fit, [`crate::cli::Error::Input`] for a damaged one.
 pub fn fit(folder: &Path) -> Result<()> {
     if folder.join("fit.toml").is_file() { consistency::of(folder)?.require() } else { Ok(()) }
 }
@@ -29,8 +29,8 @@ pub fn warn(folder: &Path) {
 /// Reads what a scene needs. Fits that are missing are made first and kept below `out`; Ctrl-C stops between them.
 ///
 /// # Errors
-/// Those of the fits, [`crate::Error::Input`] for what is wrong in the scene or in a fit, and [`crate::Error::Missed`]
-/// for a fit that was changed since it was fitted.
+/// Those of the fits, [`crate::cli::Error::Input`] for what is wrong in the scene or in a fit, and
+/// [`crate::cli::Error::Missed`] for a fit that was changed since it was fitted.
 pub fn scene(manifest: Manifest, out: &Path, ledger: &Ledger) -> Result<Scene> {
     let search = Search { out: Some(out), input_hash: Some(&missing::input_hash), free: false };
     let mut placed = Placed::new(&manifest, search, ledger)?;

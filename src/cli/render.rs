@@ -1,11 +1,11 @@
 //! `mesophyll render`.
 
 use super::Common;
-use crate::Result;
-use crate::named::named;
+use crate::cli::Result;
+use crate::cli::named::named;
 use mesophyll_files::claim;
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::ledger::Ledger;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::traced::{self, Drawn, Options};
 use mesophyll_transport::tone::Tone;
 use std::path::PathBuf;

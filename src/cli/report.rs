@@ -1,7 +1,7 @@
 //! `mesophyll report DIR…`.
 
 use super::{Common, place};
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
 use mesophyll_report::{self as report, Level, ReportSource, Verdict};

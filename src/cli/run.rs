@@ -1,13 +1,13 @@
 //! `mesophyll run`: the main job. Plan, scan and fit what is missing or stale, check, report.
 
 use super::Common;
-use crate::Result;
+use crate::cli::Result;
 use mesophyll_files::{atomic, claim, progress};
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::{Placed, leaf::Search};
-use mesophyll_placed::{fits::missing, ledger::Ledger};
 use mesophyll_report::{self as report, Level, ReportSource};
 use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::{Placed, leaf::Search};
+use mesophyll_scene::placed::{fits::missing, ledger::Ledger};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -114,7 +114,7 @@ fn sources(scene: &Scene, out: &Path) -> Vec<ReportSource> {
 #[cfg(feature = "render")]
 fn check(scene: &Scene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
     use mesophyll_check::Options;
-    use mesophyll_manifest::Interior;
+    use mesophyll_scene::manifest::Interior;
     let options = Options { out: out.to_path_buf(), ..Options::default() };
     let compare = scene.manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
     let (passed, text, json) = super::check::judged(scene, &options, compare.then_some(Some(out)), ledger)?;

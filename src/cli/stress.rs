@@ -1,7 +1,7 @@
 //! `mesophyll stress`: the committed tables of stiff and extreme cases, each with the verdict that it must get.
 
 use super::{Common, models};
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::progress;
 use mesophyll_proof::stress::StressRow;

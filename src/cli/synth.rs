@@ -3,19 +3,19 @@
 //! and on a light table.
 
 use super::Common;
-use crate::named::named;
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Error, Result};
 use mesophyll_capture::beams::manifest::Beam;
 use mesophyll_capture::beams::synth as beams;
 use mesophyll_capture::dome::synth as dome;
 use mesophyll_capture::kind::Kind;
+use mesophyll_capture::photo::synth as photo;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan::{self, Options};
 use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::{claim, progress};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
-use mesophyll_photo::synth as photo;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

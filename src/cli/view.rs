@@ -1,7 +1,7 @@
 //! `mesophyll view`.
 
 use super::Common;
-use crate::Result;
+use crate::cli::Result;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -32,11 +32,11 @@ pub struct Args {
 
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
-    use crate::Error;
+    use crate::cli::Error;
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
-    use mesophyll_manifest::{Manifest, ViewKind};
-    use mesophyll_placed::{Placed, fits::missing, leaf::Search, ledger::Ledger};
+    use mesophyll_scene::manifest::{Manifest, ViewKind};
+    use mesophyll_scene::placed::{Placed, fits::missing, leaf::Search, ledger::Ledger};
     use mesophyll_scene::{draw::handover, loaded::Scene, window::edit::SceneEditor};
     use mesophyll_transport::environment::Environment;
     use mesophyll_viewer::scene::Backdrop;
@@ -108,5 +108,5 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
 
 #[cfg(not(feature = "render"))]
 pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(crate::Error::Missed("nothing to open: this build has no renderer (feature `render`)".into()))
+    Err(crate::cli::Error::Missed("nothing to open: this build has no renderer (feature `render`)".into()))
 }

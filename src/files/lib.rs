@@ -20,7 +20,7 @@ pub mod table;
 pub mod unit;
 pub mod whole;
 
-pub(crate) use mesophyll_error::{Error, Result};
+pub(crate) use mesophyll_base::error::{Error, Result};
 
 #[cfg(test)]
 #[path = "../../tests/common/skips.rs"]

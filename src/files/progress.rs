@@ -38,7 +38,7 @@ pub fn pause() {
 pub fn say(text: impl std::fmt::Display) {
     if !is_quiet() {
         let text = text.to_string();
-        bars().suspend(|| eprintln!("{}", mesophyll_error::short(&text)));
+        bars().suspend(|| eprintln!("{}", mesophyll_base::error::short(&text)));
     }
 }
 

@@ -5,8 +5,8 @@
 use glam::{DVec2, DVec3};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
+use mesophyll::fits::record::{FitRecord, Param, Section};
 use mesophyll::optics::slab;
-use mesophyll::record::{FitRecord, Param, Section};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -166,7 +166,7 @@ impl Blade {
         std::fs::write(dir.join("blade.glb"), self.glb()).unwrap();
         let mut record = FitRecord {
             schema: 1,
-            kind: mesophyll::record::FitKind::Leaf,
+            kind: mesophyll::fits::record::FitKind::Leaf,
             name: name.into(),
             program: "test".into(),
             input_hash: hash::bytes(format!("{self:?}").as_bytes()),

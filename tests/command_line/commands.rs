@@ -158,7 +158,7 @@ fn run_page(page: &str, spans: bool) -> [usize; 2] {
     for (k, printed) in all.iter().enumerate() {
         let words: Vec<&str> = printed.split_whitespace().collect();
         if words[0] == "mesophyll" {
-            let parsed = mesophyll_cli::command().try_get_matches_from(&words);
+            let parsed = mesophyll::cli::command().try_get_matches_from(&words);
             assert!(parsed.is_ok(), "{page}: {printed}: {}", parsed.err().map_or_else(String::new, |e| e.to_string()));
         }
         if let Some((_, why)) = LEFT_OUT.iter().find(|(command, _)| command == printed) {

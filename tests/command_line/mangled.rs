@@ -10,10 +10,10 @@ use mesophyll::capture::manifest::Manifest;
 use mesophyll::capture::synth::spec::Spec as LeafSpec;
 use mesophyll::files::table::{Record, Table};
 use mesophyll::files::{gltf_file, image, mesh};
-use mesophyll::fit::gloss::geometry::Geometry;
-use mesophyll::flora::grow::meadow::Meadow;
-use mesophyll::flora::grow::spec::Spec as PlantSpec;
-use mesophyll::record::FitRecord;
+use mesophyll::fits::gloss::geometry::Geometry;
+use mesophyll::fits::record::FitRecord;
+use mesophyll::plants::grow::meadow::Meadow;
+use mesophyll::plants::grow::spec::Spec as PlantSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::{Path, PathBuf};
@@ -162,7 +162,7 @@ fn descriptions() {
         FitRecord::read(p.parent().unwrap()).is_ok()
     });
     for scene in ["demo", "twig", "glossy-sky"] {
-        try_all(&data(&format!("scenes/{scene}.toml")), |p| mesophyll::manifest::Manifest::read(p).is_ok());
+        try_all(&data(&format!("scenes/{scene}.toml")), |p| mesophyll::scene::manifest::Manifest::read(p).is_ok());
     }
 }
 
@@ -184,12 +184,12 @@ fn captures() {
 fn meshes() {
     try_all(&root().join("fits/elm/blade.glb"), |p| mesh::read(p, None).is_ok());
     let plant = data("plants/two-species.glb");
-    try_all(&plant, |p| mesophyll::flora::file::read(p).is_ok());
-    let kept = [mesophyll::flora::file::INSTANCING];
+    try_all(&plant, |p| mesophyll::plants::file::read(p).is_ok());
+    let kept = [mesophyll::plants::file::INSTANCING];
     try_all(&plant, |p| gltf_file::read(p, &kept, |opened| gltf_file::whole(p, &opened)).is_ok());
     // Branches and blades are looked for in whatever triangles are left.
     try_all(&plant, |p| {
-        mesophyll::flora::import::soup::read(p, None).map(|s| mesophyll::flora::import::find(&s, &|_| None)).is_ok()
+        mesophyll::plants::import::soup::read(p, None).map(|s| mesophyll::plants::import::find(&s, &|_| None)).is_ok()
     });
 }
 

@@ -31,7 +31,9 @@ fn python() -> Option<PathBuf> {
         let folder = tempfile::tempdir().unwrap();
         let (wheels, fresh) = (folder.path().join("wheels"), folder.path().join("fresh"));
         let mut maturin = Command::new(tools.join("maturin"));
-        maturin.args(["build", "--profile", "dev", "--locked", "-m", "src/python/Cargo.toml", "-o"]).arg(&wheels);
+        maturin
+            .args(["build", "--profile", "dev", "--locked", "-m", "src/outputs/python/Cargo.toml", "-o"])
+            .arg(&wheels);
         // The wheel is used on this machine only, so it need not run on others.
         maturin.args(["--compatibility", "linux"]).current_dir(root()).env("CARGO", root().join(".ci/cargo-as-tested"));
         done(&mut maturin);

@@ -169,7 +169,7 @@ fn every_help_shows_its_section() {
         assert!(help.contains(&want), "{verb} --help lacks its section of {PAGE}");
     }
     // Every verb that reads a table has a section.
-    for group in mesophyll_cli::command().get_subcommands() {
+    for group in mesophyll::cli::command().get_subcommands() {
         for verb in group.get_subcommands().filter(|v| v.get_arguments().any(|a| a.get_long() == Some("in"))) {
             let name = format!("{} {}", group.get_name(), verb.get_name());
             assert!(verbs.contains(&name.as_str()), "{name} reads tables and {PAGE} has no section of it");

@@ -4,7 +4,7 @@ use crate::common::{refused, succeeded};
 use crate::leaf_fit::{damaged, fit, small_scan};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
-use mesophyll::record::FitRecord;
+use mesophyll::fits::record::FitRecord;
 
 #[test]
 fn a_missing_frame_is_named() {

@@ -4,7 +4,7 @@
 use crate::common::{copy_tree, mesophyll, refused, run, scan};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
-use mesophyll::record::FitRecord;
+use mesophyll::fits::record::FitRecord;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;

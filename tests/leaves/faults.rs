@@ -3,7 +3,7 @@
 
 use crate::common::{copy_tree, run, scan};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
-use mesophyll::record::FitRecord;
+use mesophyll::fits::record::FitRecord;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -7,9 +7,9 @@
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::{fits::missing, ledger::Ledger};
-use mesophyll::record::FitRecord;
+use mesophyll::fits::record::FitRecord;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::{fits::missing, ledger::Ledger};
 use std::path::Path;
 
 /// Largest allowed difference of a value, as a share of its standard error.

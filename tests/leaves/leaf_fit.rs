@@ -3,7 +3,7 @@
 use crate::common::{copy_tree, mesophyll, refused, run, scan, succeeded, was_fitted};
 use mesophyll::files::image::read_exr;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::record::FitRecord;
+use mesophyll::fits::record::FitRecord;
 use std::path::Path;
 use std::sync::OnceLock;
 

@@ -1,12 +1,12 @@
 //! Photographs in open shade and on a light table: from synthesis to a fit, against the truth, and bad pictures.
 
 use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
+use mesophyll::capture::photo::{Manifest, reduce};
 use mesophyll::capture::synth::spec::Spec;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
-use mesophyll::leaf::LeafFit;
+use mesophyll::fits::leaf_folder::LeafFit;
 use mesophyll::optics::side::Side;
 use mesophyll::optics::slab::exact;
-use mesophyll::photo::{Manifest, reduce};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -2,9 +2,9 @@
 
 use crate::common::{run, succeeded};
 use crate::photo::{rows, scatter, text, toml};
+use mesophyll::capture::photo::{Manifest, reduce};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::optics::side::Side;
-use mesophyll::photo::{Manifest, reduce};
 use std::path::{Path, PathBuf};
 
 /// Photographs of an elm that absorbs `factor` times as much. Its reflectance, gloss included, is about that of the

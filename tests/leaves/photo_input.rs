@@ -2,9 +2,9 @@
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use crate::photo::{changed, made, rows, text, toml};
+use mesophyll::capture::photo::{Manifest, picture::Picture, reduce};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::optics::side::Side;
-use mesophyll::photo::{Manifest, picture::Picture, reduce};
 use std::path::Path;
 
 /// Changes that leave a good capture good: what comes out is still right.
@@ -269,7 +269,7 @@ fn developed_pictures_are_read() {
     assert!(Picture::read(&dir.path().join("e.exr"), &manifest).unwrap_err().to_string().contains("no reading"));
 }
 
-fn toml_transfer(srgb: bool) -> mesophyll::photo::manifest::Transfer {
-    use mesophyll::photo::manifest::Transfer;
+fn toml_transfer(srgb: bool) -> mesophyll::capture::photo::manifest::Transfer {
+    use mesophyll::capture::photo::manifest::Transfer;
     if srgb { Transfer::Srgb } else { Transfer::Linear }
 }

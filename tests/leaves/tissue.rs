@@ -3,7 +3,7 @@
 
 use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::record::{FitKind, FitRecord, Param, SCHEMA, Section, Times};
+use mesophyll::fits::record::{FitKind, FitRecord, Param, SCHEMA, Section, Times};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -3,7 +3,7 @@
 use crate::common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::read_exr;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::translucency::basis::Basis;
+use mesophyll::optics::translucency::basis::Basis;
 use std::path::Path;
 
 fn fit(input: &str, out: &Path, extra: &[&str]) -> std::process::Output {

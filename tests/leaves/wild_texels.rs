@@ -4,7 +4,7 @@
 use crate::common::{copy_tree, refused, run, scan, was_fitted};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
-use mesophyll::record::{FitRecord, NOISE_SEEN};
+use mesophyll::fits::record::{FitRecord, NOISE_SEEN};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -3,9 +3,9 @@
 use crate::common::{refused, run, succeeded};
 use crate::programs::python;
 use mesophyll::export::coat::Coat;
+use mesophyll::export::foreign::target::Target;
 use mesophyll::export::shown::Shown;
 use mesophyll::export::{Format, assemble};
-use mesophyll::foreign::target::Target;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::side::Side;
 use mesophyll::transport::world::{Gloss, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};

@@ -3,8 +3,8 @@
 use crate::samples::{Sample, write_fit};
 use mesophyll::files::image::{self, Maps};
 use mesophyll::files::quantity::{Quantity, XYZ};
-use mesophyll::fit::leaf::blade::{Blade, glb};
-use mesophyll::leaf::LeafFit;
+use mesophyll::fits::leaf::blade::{Blade, glb};
+use mesophyll::fits::leaf_folder::LeafFit;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::side::Side;
 use std::f64::consts::PI;

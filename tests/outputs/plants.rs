@@ -106,7 +106,7 @@ fn saplings(folder: &Path) -> [Sapling; 3] {
         let (code, stderr) = mesophyll(&[words, &["-o", to]].concat(), folder);
         assert_eq!(code, 0, "{stderr}");
         let path = folder.join(to);
-        let plant = mesophyll::flora::file::read(&path).unwrap();
+        let plant = mesophyll::plants::file::read(&path).unwrap();
         let height = 1e-3 * plant.leaves.iter().map(|leaf| leaf.transform.w_axis.z).fold(0.0, f64::max);
         Sapling { path, height: [height; 2] }
     };

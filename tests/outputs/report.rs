@@ -2,7 +2,7 @@
 
 use crate::samples::{Sample, write_fit, write_run};
 use mesophyll::files::{hash, image};
-use mesophyll::record::{FitRecord, TruthError};
+use mesophyll::fits::record::{FitRecord, TruthError};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;

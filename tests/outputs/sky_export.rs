@@ -2,7 +2,7 @@
 
 use crate::common::skips::{self, Need};
 use crate::common::{refused, run, succeeded};
-use mesophyll::fit_sky::{Form, folder};
+use mesophyll::fits::sky::{Form, folder};
 use mesophyll::sky::irradiance::add_ground;
 use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;

@@ -1,9 +1,9 @@
 //! A scene and a fit as files for the viewer in a browser.
 
 use crate::common::{run, succeeded};
-use mesophyll_bundle::Bundle;
-use mesophyll_leaf::LeafFit;
+use mesophyll_fits::leaf_folder::LeafFit;
 use mesophyll_viewer::scene::{Interior, SlabCurve};
+use mesophyll_web::bundle::Bundle;
 
 /// Linear interpolation in the curve, for the first channel.
 fn at(curve: &SlabCurve, h: f32) -> [f32; 2] {

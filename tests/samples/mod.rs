@@ -2,10 +2,10 @@
 //! report can be distinguished from a wrong one.
 #![allow(dead_code)]
 
+use mesophyll::base::solve::{Termination, TraceRow};
 use mesophyll::files::image::{self, Maps, Packing};
 use mesophyll::files::quantity::Quantity;
-use mesophyll::record::{FitRecord, Param, Phase, Residuals, Section, Times, TruthError};
-use mesophyll::solve::{Termination, TraceRow};
+use mesophyll::fits::record::{FitRecord, Param, Phase, Residuals, Section, Times, TruthError};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
@@ -89,7 +89,7 @@ pub fn write_fit(folder: &Path, sample: &Sample) {
     ]);
     let record = FitRecord {
         schema: 1,
-        kind: mesophyll::record::FitKind::Leaf,
+        kind: mesophyll::fits::record::FitKind::Leaf,
         name: sample.name.clone(),
         program: "mesophyll 0.1.0".into(),
         input_hash: "5f0c2b9e".repeat(8),

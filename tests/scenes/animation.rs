@@ -5,10 +5,10 @@ use super::plants::{BARK, run, scene};
 use crate::skips;
 use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
-use mesophyll::flora::form::Plant;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::placed::plant::planted;
+use mesophyll::plants::form::Plant;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::plant::planted;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -109,7 +109,7 @@ fn up(v: DVec3) -> DVec3 {
 }
 
 fn bark_of(plant: &Plant) -> BTreeMap<String, Vec<(DVec3, DVec3)>> {
-    let own = |b: &mesophyll::flora::form::Branch| {
+    let own = |b: &mesophyll::plants::form::Branch| {
         let frame = b.frame();
         let pairs = b.wood.positions.iter().zip(&b.wood.normals);
         let vertices = pairs.map(|(p, n)| (frame.transform_point3(*p), frame.transform_vector3(*n)));
@@ -148,7 +148,7 @@ fn an_animation_plays_the_pose() {
             run(folder.path(), &["export", "scene.toml", "--time", time, "--to", "gltf", "-o", "p.glb"]).0,
             Some(0)
         );
-        let posed = mesophyll::flora::file::read(&at("p.glb")).unwrap();
+        let posed = mesophyll::plants::file::read(&at("p.glb")).unwrap();
         let lengths: BTreeMap<&str, f64> = posed.branches.iter().map(|b| (b.name.as_str(), b.length())).collect();
         let (have, want) = (animated.bark(key), bark_of(&posed));
         assert_eq!(have.len(), want.len());
@@ -163,8 +163,8 @@ fn an_animation_plays_the_pose() {
         }
         let leaves = animated.leaves(key);
         for (index, branch) in posed.branches.iter().enumerate() {
-            let of = |l: &&mesophyll::flora::form::Leaf| l.joint.branch == index;
-            let own: Vec<&mesophyll::flora::form::Leaf> = posed.leaves.iter().filter(of).collect();
+            let of = |l: &&mesophyll::plants::form::Leaf| l.joint.branch == index;
+            let own: Vec<&mesophyll::plants::form::Leaf> = posed.leaves.iter().filter(of).collect();
             assert_eq!(leaves[&branch.name].len(), own.len());
             for (have, want) in leaves[&branch.name].iter().zip(own) {
                 // Four corners of a frame of the leaf's size.
@@ -184,7 +184,7 @@ fn an_animation_plays_the_pose() {
         ["export", "scene.toml", "--from", "1.5", "--to", "2.1", "--step", "0.2", "--to", "gltf", "-o", "b.glb"];
     assert_eq!(run(folder.path(), &words).0, Some(0));
     assert!(std::fs::read(at("a.glb")).unwrap() == std::fs::read(at("b.glb")).unwrap());
-    let read = mesophyll::flora::file::read(&at("a.glb")).unwrap();
+    let read = mesophyll::plants::file::read(&at("a.glb")).unwrap();
     let manifest = Manifest::read(&at("scene.toml")).unwrap();
     let planted = &planted(&manifest, &Ledger::new()).unwrap()[0];
     assert_eq!(read.branches.len(), 2 * planted.plant.branches.len());

@@ -2,10 +2,10 @@
 
 use crate::blade::Blade;
 use crate::{json, skips};
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::leaf::Search;
-use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::scene::plan::Plan;
 use std::path::{Path, PathBuf};
 use std::process::Output;

@@ -6,11 +6,11 @@ use crate::blade;
 use crate::blade::Blade;
 use crate::skips;
 use glam::{DVec3, Vec3};
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::leaf::Search;
-use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::scene::plan::Plan;
 use mesophyll_viewer::{Error, Options, Renderer};
 use std::path::Path;
@@ -268,11 +268,12 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     };
     run(&root.join("data/branches/elm-twig.csv"));
     // The committed fit is the one that the program makes of the data.
-    let read = |folder: &Path| mesophyll::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
+    let read =
+        |folder: &Path| mesophyll::fits::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
     let (fresh, committed) = (read(&fit), read(&root.join("fits/elm-twig")));
     let fitted =
         SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
-    let planted = mesophyll::placed::plant::planted(&scene(dir.path(), &fitted), &Ledger::new()).unwrap();
+    let planted = mesophyll::scene::placed::plant::planted(&scene(dir.path(), &fitted), &Ledger::new()).unwrap();
     let (taper, load) = (planted[0].plant.branches[0].taper(), planted[0].plant.branches[0].bending_load);
     for (name, found) in [("alpha", taper), ("load_over_stiffness", load)] {
         let (a, b) = (&fresh.params[name], &committed.params[name]);
@@ -345,7 +346,8 @@ fn an_edited_plant_is_saved_and_moves_as_it_was_edited() {
         let (a, b) = (tip(&after, time), tip(&read, time));
         assert!(a.distance(b) < 0.02, "{time}: {a}, read back {b}");
     }
-    let branch = &mesophyll::placed::plant::planted(&whole.manifest, &Ledger::new()).unwrap()[0].plant.branches[0];
+    let branch =
+        &mesophyll::scene::placed::plant::planted(&whole.manifest, &Ledger::new()).unwrap()[0].plant.branches[0];
     assert!((branch.taper() - 0.45).abs() < 1e-6 && (branch.bending_load - 56.0).abs() < 1e-3);
     let stated = branch.stated;
     assert!((stated.lean_per_m_s.unwrap() - 0.06).abs() < 1e-6 && (stated.damping.unwrap() - 0.3).abs() < 1e-6);
@@ -372,6 +374,6 @@ fn a_load_alone_is_no_motion() {
     assert_eq!(code, Some(0), "{said}");
     let row = std::fs::read_to_string(dir.path().join("sway.csv")).unwrap();
     let tip: Vec<f64> = row.lines().nth(1).unwrap().split(',').skip(3).map(|v| v.parse().unwrap()).collect();
-    let bent = mesophyll::placed::posed::resting(&whole.manifest, &Ledger::new()).unwrap();
+    let bent = mesophyll::scene::placed::posed::resting(&whole.manifest, &Ledger::new()).unwrap();
     assert!(bent.branches[0].point(1.0).0.distance(DVec3::new(tip[0], tip[1], tip[2])) < 1e-3);
 }

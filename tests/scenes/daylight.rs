@@ -6,12 +6,12 @@ use crate::blade::{Blade, scene};
 use crate::skips;
 use crate::skips::Need;
 use glam::{DMat4, DVec3};
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::daylight::Daylight;
-use mesophyll::placed::leaf::Search;
-use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::daylight::Daylight;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
 use std::path::{Path, PathBuf};
@@ -270,7 +270,7 @@ fn the_window_is_given_the_sky_it_asks_for() {
     for (zenith, azimuth, turbidity) in
         [(0.2f64, 1.0, 3.5), (1.4, -2.0, 2.5), (1.0, 0.4, 8.0), (std::f64::consts::FRAC_PI_2, 0.0, 4.0)]
     {
-        let sun = mesophyll::placed::daylight::direction(zenith, azimuth).as_vec3();
+        let sun = mesophyll::scene::placed::daylight::direction(zenith, azimuth).as_vec3();
         let update = editor.sky(sun, turbidity as f32).unwrap();
         let want = Daylight::at(&manifest, zenith, azimuth, turbidity).unwrap();
         let exact = want.light(7, None).unwrap().harmonics;

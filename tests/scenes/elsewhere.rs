@@ -2,9 +2,9 @@
 
 use crate::plants::{run, scene};
 use glam::DVec3;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::placed::plant::{Planted, planted};
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::plant::{Planted, planted};
 use serde_json::Value;
 use std::path::Path;
 
@@ -73,7 +73,7 @@ fn a_plant_of_another_program_stands_as_it_is_and_sways_once_it_is_imported() {
             let (code, said) =
                 run(folder, &["export", "scene.toml", "--time", time, "--to", "gltf", "-o", "posed.glb"]);
             assert_eq!(code, Some(0), "{file}: {said}");
-            let posed = mesophyll::flora::file::read(&folder.join("posed.glb")).unwrap();
+            let posed = mesophyll::plants::file::read(&folder.join("posed.glb")).unwrap();
             posed.leaves.iter().map(|l| l.transform.w_axis.truncate()).collect::<Vec<_>>()
         };
         at("0").iter().zip(at("1.5")).map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
@@ -95,7 +95,7 @@ fn a_part_needs_no_branches_and_a_mesh_is_y_up() {
         let text = head.replace("mesh = \"leaf.glb\"\n", mesh);
         std::fs::write(&path, format!("{text}[[instance]]\nleaf = \"elm\"\n")).unwrap();
         let manifest = Manifest::read(&path).map_err(|e| e.to_string())?;
-        let placed = mesophyll::placed::Placed::new(&manifest, Default::default(), &Ledger::new());
+        let placed = mesophyll::scene::placed::Placed::new(&manifest, Default::default(), &Ledger::new());
         let placed = placed.map_err(|e| e.to_string())?;
         let mesh = placed.leaves[0].mesh.clone().unwrap();
         let (low, high) =

@@ -4,10 +4,10 @@
 use crate::common::skips::{Need, skip};
 use crate::common::{refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::{leaf::Search, ledger::Ledger};
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::{leaf::Search, ledger::Ledger};
 use mesophyll_viewer::{Options, Renderer};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

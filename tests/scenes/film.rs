@@ -1,11 +1,11 @@
 //! A film of a scene: the content of its frames, how it is continued, and what is refused.
 
 use crate::common::skips::{Need, skip};
-use mesophyll::fit_grass;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::{leaf::Search, ledger::Ledger};
+use mesophyll::fits::grass;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::{leaf::Search, ledger::Ledger};
 use mesophyll_viewer::{Options, Renderer};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -133,8 +133,8 @@ fn a_film_knows_the_slices_of_its_lawn() {
     std::fs::write(folder.path().join("meadow.toml"), small).unwrap();
     let fit = |slices: usize| {
         let options =
-            fit_grass::Options { slices, texels: [16, 8], rays: 1, entries: 4, view: false, ..Default::default() };
-        fit_grass::run(&folder.path().join("meadow.toml"), &folder.path().join("slices"), &options).unwrap();
+            grass::Options { slices, texels: [16, 8], rays: 1, entries: 4, view: false, ..Default::default() };
+        grass::run(&folder.path().join("meadow.toml"), &folder.path().join("slices"), &options).unwrap();
     };
     fit(2);
     let lawn = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\nfit = \"slices\"\ntiles = [2, \

@@ -1,10 +1,10 @@
 //! Grass in scenes: all blades of one material form a leaf's mesh.
 
 use crate::common;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::placed::{Placed, leaf::Search};
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::{Placed, leaf::Search};
 use std::path::{Path, PathBuf};
 
 const UNIFORM: &str = "uniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], rho_t = [0.05, 0.1, 0.05] }";
@@ -31,8 +31,8 @@ fn a_leaf_takes_the_blades_of_one_material() {
         placed.leaves[0].mesh.clone().unwrap()
     };
     let described = mesh(&format!("mesh = \"clover.toml\"\npart = \"clover\"\n{UNIFORM}"));
-    mesophyll::flora::file::write(
-        &mesophyll::flora::grow::described(&dir.path().join("clover.toml"), None).unwrap(),
+    mesophyll::plants::file::write(
+        &mesophyll::plants::grow::described(&dir.path().join("clover.toml"), None).unwrap(),
         &dir.path().join("clover.glb"),
     )
     .unwrap();

@@ -3,19 +3,19 @@
 
 use crate::lawn::{GRASS, GROUND, SIDE, cameras, even, file, lawn, lawn_of, renderer};
 use glam::{DVec3, Vec2, Vec3};
-use mesophyll::fit_grass;
-use mesophyll::fit_grass::blades::Meadow;
-use mesophyll::fit_grass::through;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::leaf::Search;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::rays::Ray;
+use mesophyll::fits::grass;
+use mesophyll::fits::grass::blades::Meadow;
+use mesophyll::fits::grass::through;
 use mesophyll::scene::draw::grass::seen_from_above;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::draw::reference;
 use mesophyll::scene::draw::truth::{Sampling, Truth};
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::transport;
+use mesophyll::transport::rays::Ray;
 use mesophyll_viewer::Renderer;
 use mesophyll_viewer::scene::{Camera, Dome, Grass, Scene as Drawn};
 use std::f32::consts::PI;
@@ -112,15 +112,15 @@ fn the_pass_is_as_bright_under_an_overcast_sky() {
 /// that, plus four standard errors of the rays.
 #[test]
 fn the_sky_arrives_at_blades_as_rays_from_them_say() {
-    const STEPS: usize = fit_grass::blades::STEPS;
+    const STEPS: usize = grass::blades::STEPS;
     let dir = tempfile::tempdir().unwrap();
     file(dir.path(), GRASS, GROUND);
     let path = dir.path().join("meadow.toml");
-    let leaves = fit_grass::optics::read(None).unwrap();
-    let meadow = Meadow::new(&path, &fit_grass::plant(&path).unwrap(), &leaves).unwrap();
-    let options = fit_grass::Options { slices: 8, texels: [32, 16], rays: 2, entries: 8, ..Default::default() };
-    let mut slices = fit_grass::baked(&meadow, &options);
-    fit_grass::weights::fit(&meadow, &mut slices, options.entries).unwrap();
+    let leaves = grass::optics::read(None).unwrap();
+    let meadow = Meadow::new(&path, &grass::plant(&path).unwrap(), &leaves).unwrap();
+    let options = grass::Options { slices: 8, texels: [32, 16], rays: 2, entries: 8, ..Default::default() };
+    let mut slices = grass::baked(&meadow, &options);
+    grass::weights::fit(&meadow, &mut slices, options.entries).unwrap();
     let table = through::open(&slices, &through::through(&slices));
     let mut sums = [[0.0f64; 4]; STEPS + 1];
     // Rays in all directions from all places of the layer hit blades evenly by area.
@@ -195,8 +195,8 @@ fn a_lawn_takes_the_slices_of_a_fit() {
     let grass = GRASS.replace("slices = 5\ntexels = [64, 16]", "fit = \"slices\"");
     let path = file(dir.path(), &grass, GROUND);
     let options =
-        fit_grass::Options { slices: 4, texels: [32, 8], rays: 1, entries: 6, view: false, ..Default::default() };
-    fit_grass::run(&dir.path().join("meadow.toml"), &dir.path().join("slices"), &options).unwrap();
+        grass::Options { slices: 4, texels: [32, 8], rays: 1, entries: 6, view: false, ..Default::default() };
+    grass::run(&dir.path().join("meadow.toml"), &dir.path().join("slices"), &options).unwrap();
     let open = || {
         let ledger = Ledger::new();
         let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();

@@ -7,9 +7,9 @@ use crate::lawn::{
     renderer_on, twin,
 };
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
-use mesophyll::fit_grass::judge::{lit, seen};
-use mesophyll::fit_grass::march::{Across, Crossing, Slices, unleant};
-use mesophyll::fit_grass::sheet::CHANNELS;
+use mesophyll::fits::grass::judge::{lit, seen};
+use mesophyll::fits::grass::march::{Across, Crossing, Slices, unleant};
+use mesophyll::fits::grass::sheet::CHANNELS;
 use mesophyll_viewer::Backend;
 use mesophyll_viewer::scene::{Grass, GrassGusts, Material, Mesh, Opaque, Scene as Drawn, Sun};
 use std::f64::consts::{PI, TAU};

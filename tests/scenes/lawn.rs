@@ -3,13 +3,13 @@
 
 use crate::skips::{self, Need};
 use glam::{DVec2, DVec3, Vec3};
-use mesophyll::fit_grass::march::{Crossing, Slices};
-use mesophyll::fit_grass::sheet::CHANNELS;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::leaf::Search;
-use mesophyll::placed::ledger::Ledger;
+use mesophyll::fits::grass::march::{Crossing, Slices};
+use mesophyll::fits::grass::sheet::CHANNELS;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll_viewer::scene::{Camera, GrassSheet, Scene as Drawn};
 use mesophyll_viewer::{AdapterInfo, Backend, Error, Options, Renderer};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! What the adapter poses, compared with the pose in double precision: joints of branches, and boxes around parts.
 
 use glam::{DVec3, Vec3};
-use mesophyll::flora::form::Plant;
+use mesophyll::plants::form::Plant;
 
 /// The largest change of the distance between a child's root, as the adapter places the middle of its first ring of
 /// vertices, and its parent's axis in double precision, over the parent's radius.

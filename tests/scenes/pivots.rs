@@ -3,10 +3,10 @@
 use super::plants::{BARK, run, scene};
 use glam::{DVec3, Vec3};
 use mesophyll::files::image::{Maps, read_exr};
-use mesophyll::flora::form::nearest;
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::placed::plant::planted;
+use mesophyll::plants::form::nearest;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::plant::planted;
 use std::path::Path;
 
 /// From glTF's metres with y up to the scene's mm with z up.

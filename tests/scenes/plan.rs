@@ -1,10 +1,10 @@
 //! The plan: what a scene needs, what is left out, and that no other data are read.
 
 use crate::blade::{Blade, scene};
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::leaf::Search;
-use mesophyll::placed::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::scene::plan::Plan;
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! Whole plants in scenes: their places, their materials, and what is refused.
 
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::placed::plant::{Planted, planted};
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::plant::{Planted, planted};
 use std::path::{Path, PathBuf};
 
 const HEAD: &str = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, \
@@ -63,7 +63,7 @@ fn plants_stand_where_the_scene_says() {
 fn a_file_is_the_plant_that_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let grown = plants(folder.path(), &format!("grow = \"twig.toml\"\ngrow_seed = 5\n{BARK}")).unwrap();
-    mesophyll::flora::file::write(&grown[0].plant, &folder.path().join("twig.glb")).unwrap();
+    mesophyll::plants::file::write(&grown[0].plant, &folder.path().join("twig.glb")).unwrap();
     let read = plants(folder.path(), &format!("file = \"twig.glb\"\n{BARK}")).unwrap();
     for (a, b) in grown[0].placements().zip(read[0].placements()) {
         assert!(a.leaf == b.leaf && a.transform.abs_diff_eq(b.transform, 1e-4));
@@ -130,7 +130,7 @@ fn a_posed_plant_is_written_and_read_back() {
             glam::DQuat::IDENTITY,
             glam::DVec3::new(50.0, 20.0, 0.0),
         ));
-    let posed = mesophyll::flora::file::read(&folder.path().join("posed.glb")).unwrap();
+    let posed = mesophyll::plants::file::read(&folder.path().join("posed.glb")).unwrap();
     assert_eq!((posed.branches.len(), posed.leaves.len()), (rest.branches.len(), rest.leaves.len()));
     let mut moved = 0.0f64;
     let find = |name: &str| posed.branches.iter().find(|b| b.name == name).unwrap();
@@ -143,7 +143,7 @@ fn a_posed_plant_is_written_and_read_back() {
             b.parent.map(|j| (&posed.branches[j.branch].name, j.at))
         );
         if let (Some(on), Some(now)) = (a.parent, b.parent) {
-            let gap = |plant: &mesophyll::flora::form::Plant, j: mesophyll::flora::form::Joint, root: glam::DVec3| {
+            let gap = |plant: &mesophyll::plants::form::Plant, j: mesophyll::plants::form::Joint, root: glam::DVec3| {
                 plant.branches[j.branch].point(j.at).0.distance(root)
             };
             let apart = (gap(&rest, on, a.root) - gap(&posed, now, b.root)).abs();
@@ -165,9 +165,9 @@ fn a_posed_plant_is_written_and_read_back() {
     // Without a wind, the file is that of the plant at rest, byte by byte. Impossible requests are refused.
     std::fs::write(folder.path().join("still.toml"), &still).unwrap();
     assert_eq!(run(&["export", "still.toml", "--to", "gltf", "-o", "still.glb"]).0, Some(0));
-    let mut out = mesophyll::flora::form::Plant { name: "s".into(), ..Default::default() };
+    let mut out = mesophyll::plants::form::Plant { name: "s".into(), ..Default::default() };
     out.join(rest, "");
-    mesophyll::flora::file::write(&out, &folder.path().join("rest.glb")).unwrap();
+    mesophyll::plants::file::write(&out, &folder.path().join("rest.glb")).unwrap();
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("still.glb") == bytes("rest.glb") && bytes("still.glb") != bytes("posed.glb"));
     for (words, expected) in [
@@ -190,12 +190,12 @@ mod moving {
     use crate::parts::{gap, looseness};
     use crate::skips;
     use glam::{DMat4, DVec3, Vec3};
-    use mesophyll::flora::form::Plant;
-    use mesophyll::manifest::Manifest;
-    use mesophyll::placed::leaf::Search;
-    use mesophyll::placed::ledger::Ledger;
+    use mesophyll::plants::form::Plant;
     use mesophyll::scene::draw::{handover, reference};
     use mesophyll::scene::loaded::Scene;
+    use mesophyll::scene::manifest::Manifest;
+    use mesophyll::scene::placed::leaf::Search;
+    use mesophyll::scene::placed::ledger::Ledger;
     use mesophyll_viewer::{Error, Options, Renderer};
     use std::path::Path;
 
@@ -217,7 +217,7 @@ mod moving {
 
     /// The vertices of the bark in world space, in the order of the wood's mesh.
     fn bark(plant: &Plant) -> Vec<(DVec3, DVec3, f64)> {
-        let own = |b: &mesophyll::flora::form::Branch| {
+        let own = |b: &mesophyll::plants::form::Branch| {
             let (frame, length) = (b.frame(), b.length());
             let pairs = b.wood.positions.iter().zip(&b.wood.normals);
             pairs.map(|(p, n)| (frame.transform_point3(*p), frame.transform_vector3(*n), length)).collect::<Vec<_>>()
@@ -250,7 +250,7 @@ mod moving {
         // Leaves turn on their branches, each by its own angle.
         let angles: Vec<f64> = {
             let pose = whole.placed.winds.as_ref().unwrap().pose(0, 1, 2.5).unwrap();
-            let turn = |(k, leaf): (usize, &mesophyll::flora::form::Leaf)| {
+            let turn = |(k, leaf): (usize, &mesophyll::plants::form::Leaf)| {
                 let own = pose.at(leaf.joint.branch, leaf.joint.at).turn.transpose() * pose.leaf(k, leaf.joint).turn;
                 glam::DQuat::from_mat3(&own).to_axis_angle().1
             };

@@ -4,7 +4,7 @@
 use crate::blade::{Blade, scene};
 use crate::skips;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::manifest::Manifest;
+use mesophyll::scene::manifest::Manifest;
 use std::path::Path;
 
 #[test]
@@ -16,7 +16,7 @@ fn every_committed_scene_reads_and_has_its_card() {
     {
         let manifest = Manifest::read(&entry.path()).unwrap();
         assert_eq!(entry.path().file_stem().unwrap().to_str().unwrap(), manifest.name);
-        let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::manifest::ViewKind::Card).count();
+        let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::scene::manifest::ViewKind::Card).count();
         assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
         names.push(manifest.name);
     }
@@ -100,10 +100,10 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
 #[cfg(feature = "render")]
 #[test]
 fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
+    use mesophyll::fits::record::FitRecord;
     use mesophyll::optics::slab;
-    use mesophyll::placed::{leaf::Search, ledger::Ledger};
-    use mesophyll::record::FitRecord;
     use mesophyll::scene::loaded::Scene;
+    use mesophyll::scene::placed::{leaf::Search, ledger::Ledger};
     use mesophyll::scene::window::edit::SceneEditor;
     use mesophyll_viewer::scene::{Interior, Side};
     use mesophyll_window::editor::Editor;

@@ -66,7 +66,7 @@ fn look(folder: &str, path: &Path, depth: usize, out: &mut Vec<String>) -> usize
 
 #[test]
 fn no_folder_uses_one_above_it() {
-    let root = &Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scene");
+    let root = &Path::new(env!("CARGO_MANIFEST_DIR")).join("src/world/scene");
     let (mut found, mut files) = (Vec::new(), 0);
     for entry in std::fs::read_dir(root).unwrap() {
         let path = entry.unwrap().path();
@@ -83,7 +83,7 @@ fn no_folder_uses_one_above_it() {
 /// In the room below, the things that stand in the world are built upon the fits, and not the other way round.
 #[test]
 fn fits_use_nothing_of_what_is_placed() {
-    let folder = &Path::new(env!("CARGO_MANIFEST_DIR")).join("src/placed/fits");
+    let folder = &Path::new(env!("CARGO_MANIFEST_DIR")).join("src/world/scene/placed/fits");
     let mut files = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

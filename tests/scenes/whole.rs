@@ -4,7 +4,7 @@
 
 use crate::blade::{copy, edit, rehash};
 use crate::skips;
-use mesophyll::record::FitRecord;
+use mesophyll::fits::record::FitRecord;
 use std::path::{Path, PathBuf};
 
 /// The scene in small, with a leaf that stands nowhere. `change` is applied to its text.

@@ -1,5 +1,5 @@
 //! The directional albedo a(N·v, m) of the bounded gloss lobe as a table for light from the sky. It is computed from
-//! the lobe's formulas in double precision ([`mesophyll_surface::gloss`]). The lobe itself is evaluated by
+//! the lobe's formulas in double precision ([`mesophyll_base::surface::gloss`]). The lobe itself is evaluated by
 //! `passes/lobe.wgsl`.
 //!
 //! f_s = ρs·D·G·F/(4 (N·l)(N·v)) with a V-cavity factor G, and a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. N·v and m are at least
@@ -43,7 +43,7 @@ pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azi
 /// Nodes and weights on [0, 1]: Gauss–Legendre in x, where share = 1 − (1 − x)². This puts more nodes into the lobe's
 /// tail.
 pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
-    mesophyll_quadrature::symmetric(n)
+    mesophyll_base::quadrature::symmetric(n)
         .into_iter()
         .map(|(x, w)| {
             let x = 0.5 * (x + 1.0);

@@ -8,7 +8,7 @@ use crate::maps::{self, Level, Uploaded};
 use crate::scene::{Interior, Leaf, Material, Side, SideMaps, SlabCurve, Translucency};
 use crate::stats::Stats;
 use crate::variant::Variant;
-use mesophyll_surface::side::mirror;
+use mesophyll_base::surface::side::mirror;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// A material ready to draw with.

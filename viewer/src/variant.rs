@@ -6,7 +6,7 @@ use crate::passes::bend::{self, Ride};
 use crate::passes::place;
 use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
 use crate::shader::Defines;
-use mesophyll_surface::gloss::LobeKind;
+use mesophyll_base::surface::gloss::LobeKind;
 
 /// The parts of the main pass that a mesh in a material needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -1,11 +1,11 @@
 //! `mesophyll eval abm`: a leaf's layers, and the light that they reflect, absorb and let through.
 
-use crate::named::named;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Row, Spec, Table};
-use mesophyll_fit::foliar::pigments;
+use mesophyll_fits::foliar::pigments;
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
 use mesophyll_optics::foliar::pigments::{Contents, SUBSTANCES, Spectrum};
 use mesophyll_optics::foliar::shares::{Method, MethodKind, own_seed, shares as of_light, unsettled};

@@ -1,9 +1,9 @@
 //! `mesophyll eval bands`: spectra in, what three bands see of them out.
 
-use crate::fit::spectra::{self, Column, Shares};
-use crate::named::named;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::fit::spectra::{self, Column, Shares};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::{Answer, BatchIo, LeftOut, Physical, Spec, Status, Table, Tally};
 use mesophyll_sky::response::Response;
 

@@ -1,9 +1,9 @@
 //! `mesophyll eval beam`: taper and place in, deflection and slope out.
 
-use crate::Result;
-use crate::{Common, batch, tables};
+use crate::cli::Result;
+use crate::cli::{Common, batch, tables};
 use mesophyll_files::table::{self, BatchIo, Spec, Table};
-use mesophyll_fit_branch::beam;
+use mesophyll_fits::branch::beam;
 
 /// CSV columns `alpha,x` (tip radius over root radius; place from 0 at the root to 1 at the tip) → `u,du,status`:
 /// deflection and slope of an evenly loaded, clamped, tapered circular beam of unit length for F/(E′r₁⁴) = 1, to 12

@@ -1,15 +1,15 @@
 //! `mesophyll eval canopy`: a canopy's reflectance factor towards directions, or where the sun's light goes.
 
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
 use mesophyll_files::{atomic, claim};
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::fits::missing::input_hash;
-use mesophyll_placed::{leaf::Search, ledger::Ledger};
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::fits::missing::input_hash;
+use mesophyll_scene::placed::{leaf::Search, ledger::Ledger};
 use mesophyll_transport::path::Canopy;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder of an earlier run, whose fits of the scene's leaves are used
-    #[arg(long, value_name = "DIR", value_parser = crate::place::folder())]
+    #[arg(long, value_name = "DIR", value_parser = crate::cli::place::folder())]
     run: Option<PathBuf>,
     /// CSV of directions towards the viewer (`-`: standard input)
     #[arg(long, value_name = "FILE.csv", required_unless_present = "fluxes", conflicts_with = "fluxes")]
@@ -114,14 +114,14 @@ fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &Common) -> Resu
             row.insert(name.into(), value.mean.into());
             row.insert(format!("{name}_err"), value.error.into());
         }
-        crate::print_json(&row)?;
+        crate::cli::print_json(&row)?;
         return Ok(0);
     }
     let names = named.map(|(name, _)| format!("{name},{name}_err"));
     let values = named.map(|(_, v)| format!("{},{}", v.mean, v.error));
     let text = format!("{}\n{}\n", names.join(","), values.join(","));
     match args.output == Path::new("-") {
-        true => crate::print(&text)?,
+        true => crate::cli::print(&text)?,
         false => atomic::write_bytes(&args.output, text.as_bytes())?,
     }
     let off = found.closure.mean - 1.0;

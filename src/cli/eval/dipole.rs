@@ -1,8 +1,8 @@
 //! `mesophyll eval dipole`: thickness and radius in, a leaf's transmittance T(r, d) out.
 
-use crate::named::named;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
 use mesophyll_optics::dipole::{Form, FormKind, Tissue, verdict};
 

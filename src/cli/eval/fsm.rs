@@ -1,7 +1,7 @@
 //! `mesophyll eval fsm`: the parts of the foliar scattering model, one a row.
 
-use crate::Result;
-use crate::{Common, batch, tables};
+use crate::cli::Result;
+use crate::cli::{Common, batch, tables};
 use mesophyll_files::table::{self, Answer, BatchIo, Row, Spec, Table};
 use mesophyll_optics::foliar::goniometer::{RINGS, SECTORS};
 use mesophyll_optics::foliar::{fsm, lobe};

@@ -1,11 +1,11 @@
 //! `mesophyll eval gloss`: traces that a linear light source would show, wide, so that they feed `fit gloss`.
 
-use crate::fit::gloss::LobeArgs;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::fit::gloss::LobeArgs;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
-use mesophyll_fit::gloss::geometry::Geometry;
-use mesophyll_fit::gloss::{M_RANGE, normal_of};
+use mesophyll_fits::gloss::geometry::Geometry;
+use mesophyll_fits::gloss::{M_RANGE, normal_of};
 use mesophyll_optics::tube::{Model, Precision, Travel};
 use rand::{RngExt, SeedableRng};
 use std::path::PathBuf;

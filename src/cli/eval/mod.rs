@@ -1,8 +1,8 @@
-//! `mesophyll eval …`: one file a model. The list is [`crate::models::MODELS`].
+//! `mesophyll eval …`: one file a model. The list is [`crate::cli::models::MODELS`].
 
 use super::Common;
-use crate::Result;
-use crate::models::{Chosen, Model, Offers, Verb};
+use crate::cli::Result;
+use crate::cli::models::{Chosen, Model, Offers, Verb};
 
 pub mod abm;
 pub mod bands;

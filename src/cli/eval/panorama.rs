@@ -1,12 +1,12 @@
 //! `mesophyll eval panorama`: a picture of a sky whose sun and turbidity are known, for tests of `fit sky --panorama`.
 
-use crate::named::named;
-use crate::{Common, place, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, place, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::image::{Packing, write_exr};
 use mesophyll_files::{claim, progress};
-use mesophyll_fit_sky::panorama::projection::{Projection, ProjectionKind};
-use mesophyll_fit_sky::panorama::render::{Shot, render};
+use mesophyll_fits::sky::panorama::projection::{Projection, ProjectionKind};
+use mesophyll_fits::sky::panorama::render::{Shot, render};
 use mesophyll_sky::SkyModel;
 use std::path::PathBuf;
 
@@ -92,7 +92,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !args.sun_azimuth_deg.is_finite() {
         return Err(Error::Usage(format!("--sun-azimuth-deg is {}; expected a number", args.sun_azimuth_deg)));
     }
-    let model = mesophyll_fit_sky::over(args.model, args.albedo)?;
+    let model = mesophyll_fits::sky::over(args.model, args.albedo)?;
     let sky = model.sky(args.sun_zenith_deg.to_radians(), args.turbidity).map_err(|e| Error::Usage(e.to_string()))?;
     let shot = Shot {
         projection,
@@ -114,7 +114,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     place::file(&args.output, |path| write_exr(path, &render(sky.as_ref(), &shot), Packing::Zip))?;
     if common.json {
-        crate::print_json(&serde_json::json!({ "written": [args.output] }))?;
+        crate::cli::print_json(&serde_json::json!({ "written": [args.output] }))?;
     } else if !stdout {
         progress::say(format!("wrote {}", args.output.display()));
     }

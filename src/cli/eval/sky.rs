@@ -1,12 +1,12 @@
 //! `mesophyll eval sky`: sun and turbidity in, spherical harmonics of the sky out, N² rows for each row.
 
-use crate::Result;
-use crate::named::named;
-use crate::{Common, batch, tables};
+use crate::cli::Result;
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
 use mesophyll_files::progress;
 use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
-use mesophyll_fit_sky::evaluate::{Evaluator, Source};
-use mesophyll_fit_sky::window::WindowKind;
+use mesophyll_fits::sky::evaluate::{Evaluator, Source};
+use mesophyll_fits::sky::window::WindowKind;
 use mesophyll_sky::SkyModel;
 use mesophyll_sky::harmonics::MOST_BANDS;
 use std::path::PathBuf;

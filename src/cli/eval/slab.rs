@@ -1,8 +1,8 @@
 //! `mesophyll eval slab`: ω and Δ in, ρd and ρt out.
 
-use crate::named::named;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
 use mesophyll_optics::slab::verdict::{Evaluator, Method};

@@ -1,13 +1,13 @@
 //! `mesophyll eval sway`: where the tips of the branches of a scene's plants are over time.
 
-use crate::{Common, tables};
-use crate::{Error, Result};
+use crate::cli::{Common, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::table::{Output, Sink, push_number, push_text};
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::plant::{self, Planted};
-use mesophyll_placed::winds::Winds;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::placed::plant::{self, Planted};
+use mesophyll_scene::placed::winds::Winds;
 use rayon::prelude::*;
 use std::path::PathBuf;
 

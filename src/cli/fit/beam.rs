@@ -1,16 +1,16 @@
 //! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured
 //! deflections.
 
-use crate::named::named;
-use crate::{Common, batch, place, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, place, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::say;
 use mesophyll_files::table::{self, BatchIo, Sink, Spec, Table};
-use mesophyll_fit_branch::beam::measured::Along;
-use mesophyll_fit_branch::beam::record::Asked;
-use mesophyll_fit_branch::beam::{self, basis, deflections, record};
-use mesophyll_plant::load::Load;
+use mesophyll_fits::branch::beam::measured::Along;
+use mesophyll_fits::branch::beam::record::Asked;
+use mesophyll_fits::branch::beam::{self, basis, deflections, record};
+use mesophyll_plants::mechanics::load::Load;
 use mesophyll_proof::beam::figures;
 use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
@@ -91,7 +91,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             let _claim = claim::folder(folder, Kind::Pictures, &[])?;
             let files = beam_charts::write(folder, &figures::all())?;
             if common.json && !args.basis {
-                crate::print_json(&serde_json::json!({ "written": files }))?;
+                crate::cli::print_json(&serde_json::json!({ "written": files }))?;
             }
             files.iter().for_each(|file| say(format!("wrote {}", file.display())));
         }
@@ -112,7 +112,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn basis_to(folder: &Path, common: &Common) -> Result<()> {
     let (record, seconds) = record::basis_to(folder)?;
     if common.json {
-        crate::print_json(&record)?;
+        crate::cli::print_json(&record)?;
     } else {
         let (worst, at) = basis::smooth().1.worst();
         say(format!(

@@ -1,13 +1,13 @@
 //! `mesophyll fit foliar`: R and T at some wavelengths in, pigments and the epidermis's oblateness out.
 
 use super::spectra::{self, Column, Long, Shares};
-use crate::named::named;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::{Answer, Batch, BatchIo, GroupRow, LeftOut, Physical, Spec, Table, Tally, counted};
 use mesophyll_files::{atomic, progress};
-use mesophyll_fit::foliar::surface::{MOST_OBLATE, Setting};
-use mesophyll_fit::foliar::{Known, Model, Parameter, Reading, pigments};
+use mesophyll_fits::foliar::surface::{MOST_OBLATE, Setting};
+use mesophyll_fits::foliar::{Known, Model, Parameter, Reading, pigments};
 use mesophyll_optics::foliar::pigments::Spectrum;
 use mesophyll_optics::foliar::{Oblateness, Path};
 use mesophyll_optics::side::Side;

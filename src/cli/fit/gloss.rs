@@ -1,14 +1,14 @@
 //! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
-use crate::named::{named, named_or};
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::named::{named, named_or};
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use clap::builder::TypedValueParser;
 use mesophyll_capture::goniometer;
 use mesophyll_files::table::{self, BatchIo, LeftOut, Table, Tally};
-use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
-use mesophyll_fit::gloss::samples::{self, INDEX, Settings, Surface, Tilts};
-use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter};
+use mesophyll_fits::gloss::geometry::{Geometry, trace_columns};
+use mesophyll_fits::gloss::samples::{self, INDEX, Settings, Surface, Tilts};
+use mesophyll_fits::gloss::{Robust, TexelFit, TexelFitter};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Precision;
 use std::cell::RefCell;
@@ -205,7 +205,7 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
         row.faults().for_each(|(_, why)| left.add(row.line(), why));
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
-        thread_local!(static SCRATCH: RefCell<mesophyll_fit::gloss::Workspace> = RefCell::default());
+        thread_local!(static SCRATCH: RefCell<mesophyll_fits::gloss::Workspace> = RefCell::default());
         let (fit, found) = SCRATCH.with_borrow_mut(|ws| {
             let fit = fitter.fit(ws, [0.0; 2], &trace, None);
             let found = fitter.judge(ws, &trace, &fit);

@@ -1,9 +1,9 @@
 //! `mesophyll fit grass MEADOW -o DIR`.
 
-use crate::{Common, Error, Result, place};
-use mesophyll_fit_grass::judge::ELEVATIONS;
-use mesophyll_fit_grass::{Options, run as fit};
-use mesophyll_record::FitRecord;
+use crate::cli::{Common, Error, Result, place};
+use mesophyll_fits::grass::judge::ELEVATIONS;
+use mesophyll_fits::grass::{Options, run as fit};
+use mesophyll_fits::record::FitRecord;
 use std::path::PathBuf;
 
 /// Fits upright slices to a meadow, so that a shader of the ground can trace them in real time.

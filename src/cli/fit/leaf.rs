@@ -1,17 +1,17 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube, captures under a dome, and photographs.
 
 use super::gloss::LobeArgs;
-use crate::named::named;
-use crate::{Common, place, print, print_json};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, place, print, print_json};
+use crate::cli::{Error, Result};
 use mesophyll_capture::kind::Kind;
-use mesophyll_fit::dome;
-use mesophyll_fit::leaf::held_out::HoldOut;
-use mesophyll_fit::leaf::texels::Shard;
-use mesophyll_fit::leaf::{Method, Options, run as fit};
-use mesophyll_fit::photo;
-use mesophyll_record::FitRecord;
-use mesophyll_record::maker::Outcome;
+use mesophyll_fits::dome;
+use mesophyll_fits::leaf::held_out::HoldOut;
+use mesophyll_fits::leaf::texels::Shard;
+use mesophyll_fits::leaf::{Method, Options, run as fit};
+use mesophyll_fits::photo;
+use mesophyll_fits::record::FitRecord;
+use mesophyll_fits::record::maker::Outcome;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

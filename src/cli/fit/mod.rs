@@ -1,11 +1,11 @@
-//! `mesophyll fit …`: one file a fit. The list is [`crate::models::MODELS`].
+//! `mesophyll fit …`: one file a fit. The list is [`crate::cli::models::MODELS`].
 
 use super::Common;
-use crate::models::{Chosen, Model, Offers, Verb};
-use crate::{Error, Result};
+use crate::cli::models::{Chosen, Model, Offers, Verb};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress::say;
-use mesophyll_record::FitRecord;
-use mesophyll_record::maker::Outcome;
+use mesophyll_fits::record::FitRecord;
+use mesophyll_fits::record::maker::Outcome;
 use mesophyll_report::{self as report, Level};
 use std::path::Path;
 
@@ -74,9 +74,9 @@ fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitReco
         // A summary may print a warning, so it is always made.
         let text = summary(&record);
         if common.json {
-            crate::print_json(&*record)?
+            crate::cli::print_json(&*record)?
         } else {
-            crate::print(&text)?
+            crate::cli::print(&text)?
         }
         return judged(out);
     }

@@ -1,12 +1,12 @@
 //! `mesophyll fit motion`: resonance, damping and gain from measured deflections over time.
 
-use crate::named::named;
-use crate::{Common, tables};
-use crate::{Error, Result};
-use mesophyll_error::Status;
+use crate::cli::named::named;
+use crate::cli::{Common, tables};
+use crate::cli::{Error, Result};
+use mesophyll_base::error::Status;
 use mesophyll_files::progress::say;
 use mesophyll_files::table::{BatchIo, Sink, Table, push_number, push_text};
-use mesophyll_fit_branch::motion::{self, Kind, Known, Motion, Value};
+use mesophyll_fits::branch::motion::{self, Kind, Known, Motion, Value};
 
 /// CSV columns `time_s,u_mm` and optionally `v_mm` (deflections of a branch's tip, read at a steady rate, in one
 /// direction or in two) → one row: resonance and damping with standard errors, of a branch in gusts (with its gain, by

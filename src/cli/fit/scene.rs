@@ -1,13 +1,13 @@
 //! `mesophyll fit scene SCENE -o DIR`.
 
-use crate::Result;
-use crate::{Common, place};
+use crate::cli::Result;
+use crate::cli::{Common, place};
 use mesophyll_fit_scene::{Options, summary};
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::fits::missing::input_hash;
-use mesophyll_placed::leaf::Search;
-use mesophyll_placed::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::fits::missing::input_hash;
+use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::placed::ledger::Ledger;
 use std::path::PathBuf;
 
 /// Finds what leaves, ground and light of a scene are, from linear pictures of it.

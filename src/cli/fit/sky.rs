@@ -1,12 +1,12 @@
 //! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of
 //! a panorama, as a fit folder.
 
-use crate::named::named;
-use crate::{Common, place, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, place, tables};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_fit_sky::panorama::{self, picture::Channels, projection::ProjectionKind};
-use mesophyll_fit_sky::{self as fits, Method, Options, folder};
+use mesophyll_fits::sky::panorama::{self, picture::Channels, projection::ProjectionKind};
+use mesophyll_fits::sky::{self as fits, Method, Options, folder};
 use mesophyll_sky::SkyModel;
 use std::path::{Path, PathBuf};
 
@@ -110,7 +110,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         progress::say(format!("note: {}", fitted.remark));
     }
     if common.json {
-        crate::print_json(&serde_json::json!({
+        crate::cli::print_json(&serde_json::json!({
             "method": method.name(),
             "bands": options.bands,
             "terms": fitted.columns,
@@ -157,7 +157,7 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
             let [value, stderr] = [k.value * unit, k.error * unit];
             serde_json::json!({"value": value, "stderr": number(stderr)})
         };
-        crate::print_json(&serde_json::json!({
+        crate::cli::print_json(&serde_json::json!({
             "sun_zenith_deg": known(found.sun_zenith, degrees),
             "sun_azimuth_deg": known(found.sun_azimuth, degrees),
             "turbidity": known(found.turbidity, 1.0),

@@ -3,14 +3,14 @@
 use super::slab_pictures;
 use super::spectra::{self, LEAF, Shares};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
-use crate::named::named;
-use crate::{Common, batch, tables};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, batch, tables};
+use crate::cli::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Status, Table, counted};
 use mesophyll_files::unit::Unit;
 use mesophyll_files::{atomic, progress};
-use mesophyll_fit::slab::{self, Known, Measured, Options, Specular};
+use mesophyll_fits::slab::{self, Known, Measured, Options, Specular};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
 use mesophyll_optics::slab::inverse::{Coefficient, MORE_THAN_ALL, Model, Precision};
 use mesophyll_report::spectrum;

@@ -1,9 +1,9 @@
 //! The thickness of a leaf in a table: its unit, and limits. What no leaf has is never called ok.
 
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_files::table::Status;
 use mesophyll_files::unit::Unit;
-use mesophyll_fit::slab;
+use mesophyll_fits::slab;
 
 /// Range of a leaf's thickness (mm), with a margin at both ends. The same thicknesses in µm are numbers above this
 /// range, and in m numbers below it. So a column that names no unit shows by its numbers whether it can be in mm.

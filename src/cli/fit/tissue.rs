@@ -1,13 +1,13 @@
 //! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
 
-use crate::named::named;
-use crate::{Common, place};
-use crate::{Error, Result};
-use mesophyll_fit_translucency::inverse::run::{Options, Start, run as fit};
-use mesophyll_fit_translucency::inverse::{self, Incidence};
-use mesophyll_fit_translucency::tissue::Entry;
-use mesophyll_record::FitRecord;
-use mesophyll_translucency::convolve::Totals;
+use crate::cli::named::named;
+use crate::cli::{Common, place};
+use crate::cli::{Error, Result};
+use mesophyll_fits::record::FitRecord;
+use mesophyll_fits::translucency::inverse::run::{Options, Start, run as fit};
+use mesophyll_fits::translucency::inverse::{self, Incidence};
+use mesophyll_fits::translucency::tissue::Entry;
+use mesophyll_optics::translucency::convolve::Totals;
 use std::path::PathBuf;
 
 /// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes
@@ -91,7 +91,7 @@ fn options(args: &Args) -> Result<Options> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let options = options(args)?;
-    crate::ready::warn(&args.blade);
+    crate::cli::ready::warn(&args.blade);
     let outcome = fit(&args.input, &args.blade, &args.output, &options)?;
     super::told(outcome, &args.output, common, summary)
 }

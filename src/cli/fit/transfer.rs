@@ -1,12 +1,12 @@
 //! `mesophyll fit transfer SCENE -o DIR`.
 
-use crate::Result;
-use crate::{Common, place};
-use mesophyll_manifest::Manifest;
-use mesophyll_placed::fits::missing::input_hash;
-use mesophyll_placed::ledger::Ledger;
-use mesophyll_placed::{Placed, leaf::Search};
-use mesophyll_record::FitRecord;
+use crate::cli::Result;
+use crate::cli::{Common, place};
+use mesophyll_fits::record::FitRecord;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::fits::missing::input_hash;
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::placed::{Placed, leaf::Search};
 use mesophyll_scene::{loaded::Scene, transfer};
 use std::path::PathBuf;
 

@@ -1,18 +1,18 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
-use crate::named::named;
-use crate::{Common, place};
-use crate::{Error, Result};
+use crate::cli::named::named;
+use crate::cli::{Common, place};
+use crate::cli::{Error, Result};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
-use mesophyll_fit::dome;
-use mesophyll_fit_translucency::tissue::Entry;
-use mesophyll_fit_translucency::{Area, Colour, Options, TissueFrom, TissueName, run as fit};
+use mesophyll_fits::dome;
+use mesophyll_fits::record::FitRecord;
+use mesophyll_fits::translucency::tissue::Entry;
+use mesophyll_fits::translucency::{Area, Colour, Options, TissueFrom, TissueName, run as fit};
 use mesophyll_optics::dipole::{Form, FormKind};
-use mesophyll_record::FitRecord;
-use mesophyll_translucency::basis::Basis;
-use mesophyll_translucency::lights::RuleKind;
+use mesophyll_optics::translucency::basis::Basis;
+use mesophyll_optics::translucency::lights::RuleKind;
 use std::path::PathBuf;
 
 /// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the
@@ -185,7 +185,7 @@ fn leaf(args: &Args) -> Result<PathBuf> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (options, leaf) = (options(args)?, leaf(args)?);
-    crate::ready::warn(&leaf);
+    crate::cli::ready::warn(&leaf);
     let outcome = fit(&leaf, &args.output, &options)?;
     super::told(outcome, &args.output, common, |record| {
         if let Some(why) = record.options.get("doubt") {

@@ -1,8 +1,8 @@
 //! `mesophyll inspect` of photographs under beams.
 
 use super::{Args, said, shown};
-use crate::Common;
-use crate::Result;
+use crate::cli::Common;
+use crate::cli::Result;
 use mesophyll_capture::beams::inspect::{Inspection, Photograph, inspect};
 use std::fmt::Write;
 

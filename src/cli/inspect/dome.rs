@@ -1,8 +1,8 @@
 //! `mesophyll inspect` of a capture under a dome.
 
 use super::{Args, said, shown};
-use crate::Common;
-use crate::Result;
+use crate::cli::Common;
+use crate::cli::Result;
 use mesophyll_capture::dome::inspect::{Inspection, SideSummary, inspect};
 use std::fmt::Write;
 

@@ -6,7 +6,7 @@ mod file;
 mod photo;
 
 use super::Common;
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_capture::inspect::{Inspection, ReferenceSummary, inspect};
 use mesophyll_capture::kind::Kind;
 use std::fmt::Write;

@@ -1,9 +1,9 @@
 //! `mesophyll inspect` of photographs in open shade and on a light table.
 
 use super::{Args, said, shown};
-use crate::Common;
-use crate::Result;
-use mesophyll_photo::{Inspection, inspect};
+use crate::cli::Common;
+use crate::cli::Result;
+use mesophyll_capture::photo::{Inspection, inspect};
 use std::fmt::Write;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

@@ -26,7 +26,7 @@ mod tally;
 pub use groups::{GroupRow, Groups};
 pub use left::LeftOut;
 pub use lines::plain_text;
-pub use mesophyll_error::Status;
+pub use mesophyll_base::error::Status;
 pub use possible::Physical;
 pub use record::Record;
 pub use sink::{Output, Sink, push_cell, push_number, push_quoted, push_text, stdout_error};

@@ -8,7 +8,7 @@ use super::rows::{At, Block};
 use super::sink::is_formula;
 use super::{Answer, Answering, Record, Row, Spec, Table, Tally, push_cell, push_number, push_text};
 use crate::{Error, Result, progress};
-use mesophyll_error::Status;
+use mesophyll_base::error::Status;
 use rayon::prelude::*;
 use std::collections::HashSet;
 

@@ -1,8 +1,8 @@
 //! What the renderers get of translucency maps, and what they draw.
 
 use super::*;
-use mesophyll::manifest::Basis;
 use mesophyll::scene::draw::{handover, reference};
+use mesophyll::scene::manifest::Basis;
 use mesophyll::transport::Sunlit;
 use mesophyll_viewer::scene::{Coefficients, Sides, Translucency};
 

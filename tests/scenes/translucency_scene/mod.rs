@@ -7,11 +7,11 @@ use crate::blade;
 use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
-use mesophyll::manifest::Manifest;
-use mesophyll::placed::ledger::Ledger;
-use mesophyll::placed::{Placed, leaf::Search};
-use mesophyll::record::{FitKind, FitRecord, Section};
+use mesophyll::fits::record::{FitKind, FitRecord, Section};
 use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::{Placed, leaf::Search};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -79,7 +79,7 @@ fn planned(path: &Path) -> (Scene, Ledger) {
     (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
 }
 
-fn open(path: &Path, out: Option<&Path>) -> mesophyll::error::Result<Scene> {
+fn open(path: &Path, out: Option<&Path>) -> mesophyll::base::error::Result<Scene> {
     Scene::open(Manifest::read(path)?, Search { out, ..Search::default() }, &Ledger::new())
 }
 
@@ -186,9 +186,9 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 #[cfg(feature = "render")]
 #[test]
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
-    use mesophyll::fit_translucency::TissueName;
-    use mesophyll::placed::fits::source::Freshness;
+    use mesophyll::fits::translucency::TissueName;
     use mesophyll::scene::draw::reference;
+    use mesophyll::scene::placed::fits::source::Freshness;
     use mesophyll::transport::Sunlit;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, bump: 0.0, dome: 0.0, ..Blade::default() };
@@ -233,8 +233,8 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
 
 #[test]
 fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
-    use mesophyll::manifest::Basis;
-    use mesophyll::placed::fits::source::Freshness;
+    use mesophyll::scene::manifest::Basis;
+    use mesophyll::scene::placed::fits::source::Freshness;
 
     let dir = folder(&Blade::default());
     let maps = dir.path().join("fits/elm-translucency");
@@ -291,8 +291,8 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
-    use mesophyll::manifest::Basis;
-    use mesophyll::placed::fits::source::Freshness;
+    use mesophyll::scene::manifest::Basis;
+    use mesophyll::scene::placed::fits::source::Freshness;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-// The bent beam of a branch, as `src/plant` has it on the CPU. `pose.wgsl` follows this file.
+// The bent beam of a branch, as `src/models/plants/mechanics` has it on the CPU. `pose.wgsl` follows this file.
 
 // What bends a branch.
 struct Limb {

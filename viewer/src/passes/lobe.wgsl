@@ -1,4 +1,4 @@
-// The gloss lobe f_s (`src/surface/gloss.rs` is its twin in double precision). The name of the lobe that is drawn, as
+// The gloss lobe f_s (`src/base/surface/gloss.rs` is its twin in double precision). The name of the lobe that is drawn, as
 // scenes write it, is set for the conditions below.
 
 //#if GLOSS

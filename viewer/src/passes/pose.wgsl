@@ -1,4 +1,4 @@
-// Poses the branches of plants once a frame, in single precision, as `src/flora/pose` does on the CPU in double
+// Poses the branches of plants once a frame, in single precision, as `src/models/plants/pose` does on the CPU in double
 // precision: every branch bends in its own frame; joints sit on their parents; bases are carried along the hierarchy;
 // sections follow their branches. Where shadow maps need them, boxes are put around what branches carry. The vertex
 // stage only looks sections up. `rigid.wgsl` and `beam.wgsl` stand before this file. After it stands the file with the

@@ -65,9 +65,9 @@ pub use crate::grass::{GRASS_STEPS, Grass, GrassGusts, GrassHill, GrassLevel, Gr
 use glam::{Mat4, Vec2, Vec3, Vec4};
 pub use leaf::{Coefficients, HALF_LIFE_2, Interior, Leaf, SideMaps, SlabCurve, Translucency};
 pub use light::{Anchors, Backdrop, Dome, Scanner, Sun, Transfer};
-pub use mesophyll_surface::basis::Basis;
-pub use mesophyll_surface::gloss::Lobe;
-pub use mesophyll_surface::side::{Side, Sides};
+pub use mesophyll_base::surface::basis::Basis;
+pub use mesophyll_base::surface::gloss::Lobe;
+pub use mesophyll_base::surface::side::{Side, Sides};
 pub use motion::{Carried, Limb, Piece, Poses, Seat, Section, Sections, Wind};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Makes a module for browsers of the compiled viewer: `mesophyll-bindgen FILE.wasm FOLDER` writes `mesophyll_web.js`
+//! Makes a module for browsers of the compiled viewer: `mesophyll-bindgen FILE.wasm FOLDER` writes `crate.js`
 //! and `mesophyll_web_bg.wasm`. It does what the program `wasm-bindgen` does, in the version of this workspace's lock
 //! file.
 

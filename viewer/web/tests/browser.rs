@@ -7,9 +7,9 @@ mod server;
 mod skips;
 
 use glam::{Vec2, Vec3, Vec4};
-use mesophyll_bundle::{Bundle, LeafSlabs, SideSlab, View};
 use mesophyll_viewer::scene::{Camera, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides, Sun};
 use mesophyll_viewer::{Error, Options, Renderer};
+use mesophyll_web::bundle::{Bundle, LeafSlabs, SideSlab, View};
 use skips::{Need, skip};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

@@ -6,7 +6,7 @@ mod pairs;
 
 pub use pairs::open;
 
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{Groups, Spec, Table, percent};
 use mesophyll_files::unit::Unit;

@@ -3,7 +3,7 @@
 
 use super::name::{Name, quantity_of};
 use super::{LEAF, Wide, in_nm, only_leaf, wide};
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{Record, Table, counted, push_quoted};
 use std::collections::{HashMap, HashSet};

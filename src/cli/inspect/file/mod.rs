@@ -4,8 +4,8 @@ mod others;
 mod tables;
 mod takes;
 
-use crate::fit::spectra;
-use crate::{Common, Error, Result};
+use crate::cli::fit::spectra;
+use crate::cli::{Common, Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::instrument::{self, File, Form, Quantity, Unit};
 use serde::Serialize;
@@ -68,9 +68,9 @@ pub fn run(path: &Path, common: &Common) -> Result<u8> {
         },
     };
     if common.json {
-        crate::print_json(&found)?;
+        crate::cli::print_json(&found)?;
     } else {
-        crate::print(&text(&found, path))?;
+        crate::cli::print(&text(&found, path))?;
     }
     Ok(0)
 }

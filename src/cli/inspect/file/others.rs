@@ -1,7 +1,7 @@
 //! Files that are no tables: pictures, plants, descriptions, archives. They are told by their first bytes.
 
 use super::{Found, quoted};
-use crate::{Error, Result};
+use crate::cli::{Error, Result};
 use std::path::Path;
 
 /// First bytes of forms that no command reads, what they are, and what helps.

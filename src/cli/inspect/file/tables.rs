@@ -2,8 +2,8 @@
 
 use super::takes::Spectrum;
 use super::{Found, listed, quoted};
-use crate::Result;
-use crate::fit::spectra::{self, LEAF, Shares};
+use crate::cli::Result;
+use crate::cli::fit::spectra::{self, LEAF, Shares};
 use mesophyll_files::table::{Record, Table};
 use std::collections::HashSet;
 use std::path::Path;

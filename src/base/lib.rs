@@ -1,0 +1,9 @@
+//! What every room stands on: the one error, integration, Fourier transforms, least squares, the instruction sets of
+//! processors, and the names and formulas of a leaf's surface. This room reads no files.
+
+pub mod error;
+pub mod fourier;
+pub mod processor;
+pub mod quadrature;
+pub mod solve;
+pub mod surface;

@@ -1,0 +1,363 @@
+//! The verbs, one file for each: they turn arguments into an exit code. There is no physics here.
+
+#![warn(missing_docs)]
+
+use clap::{Parser, Subcommand};
+use mesophyll_files::progress;
+use std::process::ExitCode;
+
+mod batch;
+mod bench;
+mod check;
+mod completions;
+mod drawn;
+mod dress;
+mod eval;
+mod export;
+mod film;
+mod fit;
+mod grow;
+mod import;
+mod inspect;
+mod man;
+mod memory;
+mod models;
+mod named;
+mod peers;
+mod place;
+mod plan;
+mod ready;
+mod render;
+mod report;
+mod run;
+mod stress;
+mod synth;
+mod tables;
+mod view;
+pub use memory::OrSentence;
+pub(crate) use mesophyll_base::error::{Error, Result};
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "mesophyll",
+    version,
+    about = "Fits leaf, branch and sky appearance from measurements, and proves the fit in pictures",
+    max_term_width = 110,
+    after_help = "Exit codes: 0 done (of a table: at least one row was answered), 1 a fit as a whole, a check or every \
+                  row of a table missed its mark, or an output could not be written, 2 wrong usage or an input that \
+                  cannot be read, 130 stopped."
+)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// Options every verb takes.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Common {
+    /// Worker threads, 1 to 1024 (default: one a core)
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// No progress and no messages; results and errors only
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Results as JSON on standard output, where the verb has any
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Fit what a scene needs, report, render and check: the main job
+    Run(run::Args),
+    /// Say what a scene needs, what is left out and why
+    Plan(plan::Args),
+    /// Validate and summarise a capture without fitting
+    Inspect(inspect::Args),
+    /// Scan a synthetic leaf as a linear light source device would
+    Synth(synth::Args),
+    /// Fit parameters to measurements
+    Fit(fit::Args),
+    /// Evaluate a model on a table
+    Eval(eval::Args),
+    /// Report how good fits are; two fits are compared
+    Report(report::Args),
+    /// Error against run time, over each model's accuracy knob
+    Bench(bench::Args),
+    /// Run the committed table of stiff and extreme cases
+    Stress(stress::Args),
+    /// Render a scene and judge it against the reference renderer
+    Check(check::Args),
+    /// Draw a scene with light between its leaves: a path tracer
+    Render(render::Args),
+    /// Draw a moving scene as a film
+    Film(film::Args),
+    /// Grow a plant from its description
+    Grow(grow::Args),
+    /// Find the branches of a plant that is nothing but triangles
+    Import(import::Args),
+    /// Put fitted leaves on a plant that another program wrote
+    Dress(dress::Args),
+    /// Open a scene in a window
+    View(view::Args),
+    /// Write fits in formats other programs read
+    Export(export::Args),
+    /// Print a shell completion script
+    Completions(completions::Args),
+    /// Print the manual page of the program or of a verb
+    Man(man::Args),
+}
+
+impl Verb {
+    fn name(&self) -> &'static str {
+        match self {
+            Verb::Run(_) => "run",
+            Verb::Plan(_) => "plan",
+            Verb::Inspect(_) => "inspect",
+            Verb::Synth(_) => "synth",
+            Verb::Fit(_) => "fit",
+            Verb::Eval(_) => "eval",
+            Verb::Report(_) => "report",
+            Verb::Bench(_) => "bench",
+            Verb::Stress(_) => "stress",
+            Verb::Check(_) => "check",
+            Verb::Render(_) => "render",
+            Verb::Film(_) => "film",
+            Verb::Grow(_) => "grow",
+            Verb::Import(_) => "import",
+            Verb::Dress(_) => "dress",
+            Verb::View(_) => "view",
+            Verb::Export(_) => "export",
+            Verb::Completions(_) => "completions",
+            Verb::Man(_) => "man",
+        }
+    }
+}
+
+/// Keeps libwayland from printing "XDG_RUNTIME_DIR is invalid" whenever Mesa's device selection asks it for a display
+/// that is not there. A session with a valid folder keeps it. Otherwise the variable names a place that nobody can
+/// fill: a temporary folder could hold a stranger's socket.
+#[cfg(all(unix, feature = "render"))]
+fn quiet_display_libraries() {
+    let valid = std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|d| std::path::Path::new(&d).is_absolute());
+    if !valid {
+        // SAFETY: this is the start of `main`; there is no other thread yet that could read the environment.
+        unsafe { std::env::set_var("XDG_RUNTIME_DIR", "/dev/null/no-display") };
+    }
+}
+
+#[cfg(not(all(unix, feature = "render")))]
+fn quiet_display_libraries() {}
+
+/// Parses the command line, runs the verb, prints an error once, returns the exit code.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            // Help and version are answers (0); anything else is usage (2). A closed pipe is not our failure.
+            let _ = e.print();
+            return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
+        }
+    };
+    memory::prepare();
+    quiet_display_libraries();
+    progress::set_quiet(cli.common.quiet);
+    stop_on_ctrl_c();
+    let _verb = progress::Bar::of(cli.verb.name());
+    match carried_out(cli) {
+        Ok(code) => ExitCode::from(code),
+        Err(e) => {
+            if !matches!(e, Error::BrokenPipe) {
+                eprintln!("mesophyll: {e}");
+            }
+            ExitCode::from(exit_code(&e))
+        }
+    }
+}
+
+/// Exit code: 0 done, 1 a fit, a check or a whole table missed (or could not be written), 2 usage or unreadable input,
+/// 130 interrupted.
+fn exit_code(e: &Error) -> u8 {
+    match e {
+        Error::BrokenPipe => 0,
+        Error::Interrupted(_) => 130,
+        _ if e.is_usage() => 2,
+        _ => 1,
+    }
+}
+
+/// Starts the worker threads, so that a want of memory is said before any of them is needed.
+fn workers(common: &Common) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(common.threads.map_or(0, usize::from));
+    pool.build_global().map_err(|e| progress::no_thread(&e))
+}
+
+/// Does the verb. One that seldom looks for a stop is left at once after Ctrl-C.
+fn carried_out(cli: Cli) -> Result<u8> {
+    workers(&cli.common)?;
+    if !matches!(cli.verb, Verb::Report(_) | Verb::Bench(_) | Verb::Stress(_)) {
+        return dispatch(&cli);
+    }
+    progress::left_when_stopped(move || dispatch(&cli))?.unwrap_or_else(|| {
+        place::remove_temporary();
+        Err(Error::Interrupted("stopped; nothing was printed".into()))
+    })
+}
+
+fn dispatch(cli: &Cli) -> Result<u8> {
+    let common = &cli.common;
+    if common.json && matches!(cli.verb, Verb::View(_) | Verb::Completions(_) | Verb::Man(_)) {
+        return Err(Error::Usage("--json: view, completions and man have no results that JSON could hold".into()));
+    }
+    match &cli.verb {
+        Verb::Run(a) => run::run(a, common),
+        Verb::Plan(a) => plan::run(a, common),
+        Verb::Inspect(a) => inspect::run(a, common),
+        Verb::Synth(a) => synth::run(a, common),
+        Verb::Fit(a) => fit::run(a, common),
+        Verb::Eval(a) => eval::run(a, common),
+        Verb::Report(a) => report::run(a, common),
+        Verb::Bench(a) => bench::run(a, common),
+        Verb::Stress(a) => stress::run(a, common),
+        Verb::Check(a) => check::run(a, common),
+        Verb::Render(a) => render::run(a, common),
+        Verb::Film(a) => film::run(a, common),
+        Verb::Grow(a) => grow::run(a, common),
+        Verb::Import(a) => import::run(a, common),
+        Verb::Dress(a) => dress::run(a, common),
+        Verb::View(a) => view::run(a, common),
+        Verb::Export(a) => export::run(a, common),
+        Verb::Completions(a) => completions::run(a),
+        Verb::Man(a) => man::run(a),
+    }
+}
+
+/// The first Ctrl-C asks running work to stop at a safe point, the second stops at once.
+fn stop_on_ctrl_c() {
+    let _ = ctrlc::set_handler(|| {
+        if progress::stop_requested() {
+            std::process::exit(130);
+        }
+        progress::request_stop();
+        progress::say("stopping at the next safe point; press Ctrl-C again to stop at once");
+    });
+}
+
+/// Prints to standard output; a reader that went away ends the run quietly.
+pub fn print(text: &str) -> Result<()> {
+    print_bytes(text.as_bytes())
+}
+
+/// As [`print`], for a file that is not text.
+fn print_bytes(bytes: &[u8]) -> Result<()> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    out.write_all(bytes).and_then(|()| out.flush()).map_err(mesophyll_files::table::stdout_error)
+}
+
+/// Prints a value as indented JSON and a newline.
+pub fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    print(&format!("{text}\n"))
+}
+
+/// Turns `Cli` into a `clap::Command`, for completions.
+pub fn command() -> clap::Command {
+    use clap::CommandFactory;
+    Cli::command()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every verb, with the verbs inside `fit` and `eval`, by its whole name.
+    fn verbs() -> Vec<(String, clap::Command)> {
+        fn below(name: &str, verb: &clap::Command, all: &mut Vec<(String, clap::Command)>) {
+            for sub in verb.get_subcommands() {
+                let name = format!("{name} {}", sub.get_name());
+                below(&name, sub, all);
+                all.push((name, sub.clone()));
+            }
+        }
+        let (mut all, mut command) = (Vec::new(), command());
+        command.build();
+        below("mesophyll", &command, &mut all);
+        all
+    }
+
+    /// Outputs are named by `-o, --out` everywhere; `--output` is understood and shown nowhere.
+    #[test]
+    fn one_spelling_names_the_output() {
+        let mut seen = 0;
+        for (name, verb) in verbs() {
+            for arg in verb.get_arguments() {
+                let outputs =
+                    arg.get_long() == Some("out") || arg.get_short() == Some('o') || arg.get_long() == Some("output");
+                if outputs {
+                    assert_eq!((arg.get_short(), arg.get_long()), (Some('o'), Some("out")), "{name}");
+                    assert_eq!(arg.get_all_aliases(), Some(vec!["output"]), "{name}");
+                    assert!(arg.get_visible_aliases().unwrap_or_default().is_empty(), "{name}");
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen >= 20, "{seen} verbs write");
+    }
+
+    /// The examples in help texts are accepted as they stand.
+    #[test]
+    fn examples_of_the_help_are_accepted() {
+        let mut seen = 0;
+        for (name, verb) in verbs() {
+            // The texts themselves are checked, because long lines are broken when a help is printed.
+            let texts = [verb.get_after_help(), verb.get_after_long_help()].into_iter().flatten();
+            let help = texts.map(|text| format!("{text}\n")).collect::<String>();
+            for line in help.lines().filter_map(|l| l.strip_prefix("  mesophyll ")) {
+                // Three blanks begin a remark, `&&` the next command.
+                for part in line.split("   ").next().unwrap_or_default().split("&& mesophyll ") {
+                    let words = std::iter::once("mesophyll").chain(part.split_whitespace());
+                    let parsed = Cli::try_parse_from(words);
+                    assert!(
+                        parsed.is_ok(),
+                        "{name}: {part}: {}",
+                        parsed.err().map_or_else(String::new, |e| e.to_string())
+                    );
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen >= 30, "{seen} examples");
+    }
+
+    #[test]
+    fn slips_are_answered_with_what_was_meant() {
+        for (words, meant) in [
+            (&["exprt"][..], "export"),
+            (&["fit", "slap"], "slab"),
+            (&["export", "fits/elm", "--to", "glft", "-o", "x"], "gltf"),
+            (&["stress", "coverag"], "coverage"),
+            (&["bench", "translucenci"], "translucency"),
+            (&["eval", "sky", "--metod", "direct"], "--method"),
+        ] {
+            let error =
+                Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("a slip").to_string();
+            assert!(error.contains("similar") && error.contains(meant), "{words:?}: {error}");
+        }
+        for alias in ["gltf", "glb"] {
+            assert!(Cli::try_parse_from(["mesophyll", "export", "fits/elm", "--to", alias, "-o", "x"]).is_ok());
+        }
+        // A folder cannot go to standard output.
+        for words in [
+            &["fit", "leaf", "scan", "-o", "-"][..],
+            &["run", "scene.toml", "--out", "-"],
+            &["synth", "leaf.toml", "--output", "-"],
+        ] {
+            let error =
+                Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("no folder").to_string();
+            assert!(error.contains("a folder is written"), "{words:?}: {error}");
+        }
+    }
+}

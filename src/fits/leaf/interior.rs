@@ -1,0 +1,358 @@
+//! From the ρd and ρt of each texel to the leaf's σa and σs and each texel's thickness h + δ and relative reflectance
+//! γ, by the exact or the paper's reduction, with what each leaves unexplained. h is the caliper's reading of the mean
+//! thickness.
+
+use super::texels;
+use crate::Result;
+use crate::leaf::curve::{Curve, Incidence};
+use crate::leaf::noise::Level;
+use crate::leaf::outliers;
+use crate::leaf::paper::{self, Paper};
+use crate::leaf::side::Measured;
+use crate::leaf::slabmaps::{Inverter, Sigma};
+use crate::leaf::undetermined;
+use crate::leaf::wide::{self, Settings, StandIns, Texel, Wide};
+use crate::leaf::{Method, Options};
+use crate::record::Times;
+use mesophyll_base::solve::Termination;
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_optics::defect::Defect;
+use mesophyll_optics::side::Side;
+use mesophyll_optics::slab::{self, inverse};
+use mesophyll_optics::tube::Travel;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// One side, fitted. Per-texel vectors run over `at`, the good texels' indices.
+pub struct Fitted {
+    pub side: Side,
+    pub measured: Measured,
+    /// Merged part maps of the texel phase (whole image).
+    pub maps: Maps,
+    /// 1 good, 0 outside, negative a defect.
+    pub mask: Vec<i16>,
+    pub at: Vec<u32>,
+    pub texels: Vec<Texel>,
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+    /// Relative standard errors; they include that of the caliper's h.
+    pub sigma_a_rel: [f64; 3],
+    pub sigma_s_rel: [f64; 3],
+    pub thickness: Vec<f64>,
+    pub thickness_err: Vec<f64>,
+    pub gamma: Vec<[f64; 3]>,
+    pub gamma_err: Vec<[f64; 3]>,
+    pub sigma: Vec<[Sigma; 3]>,
+    /// ρt for a beam along the normal divided by the measured ρt, where the light box was not seen along the normal.
+    pub to_normal: Option<Vec<[f64; 3]>>,
+    pub wide: Wide,
+    pub termination: Termination,
+    pub figures: BTreeMap<String, f64>,
+    /// Reduced χ² of the median texel, where the traces do not match the model of a texel.
+    pub unexplained: Option<f64>,
+    /// Bounds that the mean texel gives for a channel whose σa or σs is not determined.
+    pub bounds: [Option<String>; 3],
+}
+
+impl Fitted {
+    /// ρt and its standard error for a beam along the normal: two whole images of one channel. If the leaf was seen at
+    /// an angle, ρt is converted by the leaf's slab at each texel's thickness; it is then NaN where a texel is not
+    /// good.
+    pub fn rho_t(&self, c: usize) -> [Vec<f32>; 2] {
+        [&self.measured.rho_t, &self.measured.rho_t_err].map(|plane| match &self.to_normal {
+            None => plane.iter().map(|t| t[c]).collect(),
+            Some(factors) => {
+                let mut out = vec![f32::NAN; plane.len()];
+                for (factor, &k) in factors.iter().zip(&self.at) {
+                    out[k as usize] = (f64::from(plane[k as usize][c]) * factor[c]) as f32;
+                }
+                out
+            }
+        })
+    }
+
+    /// Whether the leaf-wide numbers cannot be used.
+    pub fn wide_failed(&self) -> bool {
+        !self.termination.converged()
+    }
+}
+
+/// Reduces one side.
+pub fn fit(
+    capture: &Capture,
+    measured: Measured,
+    maps: Maps,
+    options: &Options,
+    level: &Level,
+    times: &mut Times,
+) -> Result<Fitted> {
+    let manifest = &capture.manifest;
+    let h = manifest.thickness_mm;
+    let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
+    let relative = level.relative * level.lightbox * std::f64::consts::SQRT_2;
+    let mut mask = classify(&measured, &maps);
+    let mut good = Good::gather(&measured, &maps, &mask, relative, manifest.width);
+    let none = |mask: &[i16]| {
+        let path = capture.folder.join(measured.side.name());
+        crate::Error::Missed(format!("{}: no texel could be fitted{}", path.display(), outliers::most_common(mask)))
+    };
+    if good.texels.is_empty() {
+        return Err(none(&mask));
+    }
+    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { undetermined::unseen_tilt(&maps, &good.at) };
+    let settings = |texels: &[Texel]| {
+        let common = undetermined::common(texels, unseen);
+        Settings { h, incidence, relative, robust: options.robust, iterations: 80, common }
+    };
+    let mut wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
+    // Texels that stand out from the fitted leaf are named as defects, and the leaf is fitted again without them.
+    // Outliers may hide others, so there are three rounds.
+    for _ in 0..3 {
+        let found = outliers::of_leaf(&good.texels, &wide, h);
+        if found.is_empty() {
+            break;
+        }
+        for (k, defect) in found {
+            mask[good.at[k] as usize] = defect.code();
+        }
+        good = Good::gather(&measured, &maps, &mask, relative, manifest.width);
+        if good.texels.is_empty() {
+            return Err(none(&mask));
+        }
+        wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
+    }
+    let common = settings(&good.texels).common;
+    let Good { at, texels, missing } = good;
+    times.traces.insert(format!("{} leaf-wide", measured.side.name()), wide.trace.clone());
+
+    let to_normal = (incidence.0 != 1.0).then(|| {
+        let curves = [0, 1, 2].map(|c: usize| Curve::new(wide.sigma_a[c], wide.sigma_s[c], h, Incidence(1.0)));
+        let factor = |t: f64, c: usize| (curves[c].at(t.ln()).ln_rho_t - wide.curves[c].at(t.ln()).ln_rho_t).exp();
+        wide.locals.iter().map(|l| [0, 1, 2].map(|c: usize| factor(l.thickness, c))).collect()
+    });
+    let inverter = Inverter::new(incidence);
+    let rho_t_err = |x: &Texel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
+    let error = |x: &Texel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
+    let at_h: Vec<[Sigma; 3]> = texels
+        .par_iter()
+        .map(|x| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c))))
+        .collect();
+    let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
+    let mut figures = compare(&texels, &wide, &paper, h);
+    figures.insert("stand_ins".into(), missing.len() as f64);
+
+    let unexplained = undetermined::unexplained(&maps, &at, level);
+    let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
+    let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination);
+    let (thickness, thickness_err, gamma, gamma_err): (Vec<f64>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
+    match options.method {
+        Method::Exact => {
+            let relative = |k: usize| (wide.covariance[(k, k)] + gauge * gauge).sqrt();
+            (sigma_a, sigma_s) = (wide.sigma_a, wide.sigma_s);
+            (rel_a, rel_s) = ([0, 2, 4].map(relative), [1, 3, 5].map(relative));
+            termination = wide.termination;
+            thickness = wide.locals.iter().map(|l| l.thickness).collect();
+            thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
+            gamma = wide.locals.iter().map(|l| l.gamma).collect();
+            gamma_err = wide.locals.iter().map(|l| l.gamma_err).collect();
+        }
+        Method::Paper => {
+            (sigma_a, sigma_s) = (paper.sigma_a, paper.sigma_s);
+            rel_a = [0, 1, 2].map(|c: usize| (paper.sigma_a_err[c] / paper.sigma_a[c]).hypot(gauge));
+            rel_s = [0, 1, 2].map(|c: usize| (paper.sigma_s_err[c] / paper.sigma_s[c]).hypot(gauge));
+            termination = if sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite()) {
+                Termination::Direct
+            } else {
+                Termination::NotFinite
+            };
+            // Eq. 5 has no solution on dark veins. Their thickness stays unknown (NaN); it is not invented.
+            thickness = paper.thickness.clone();
+            thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
+            gamma = paper.gamma.clone();
+            gamma_err = texels
+                .iter()
+                .zip(&gamma)
+                .map(|(x, g)| [0, 1, 2].map(|c: usize| x.rho_d_err[c] * g[c] / x.rho_d[c]))
+                .collect();
+            for (t, &k) in thickness.iter().zip(&at) {
+                if t.is_nan() {
+                    mask[k as usize] = Defect::Transmission.code();
+                }
+            }
+        }
+    }
+    for c in (0..3).filter(|&c| undetermined::opaque(&texels, c, rho_t_err)) {
+        // The transmittance of this channel may be nothing but noise. Then the curvature where the fit stopped says
+        // nothing about thicker slabs.
+        (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
+    }
+    let bounds = [0, 1, 2].map(|c: usize| {
+        if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
+            return None;
+        }
+        let mean = undetermined::mean_texel(&texels, c, h, rho_t_err, &common);
+        if options.method == Method::Exact {
+            // A direction that the joint problem does not determine ends wherever it started, so the mean texel's
+            // estimate is taken instead.
+            for (value, relative, estimate) in
+                [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)]
+            {
+                if !relative.is_finite() && estimate.is_finite() {
+                    *value = estimate;
+                }
+            }
+        }
+        match mean.status {
+            inverse::Status::Undetermined(what) => Some(what),
+            _ => None,
+        }
+    });
+    let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
+    let pigment = |(k, x): (usize, &Texel)| {
+        [0, 1, 2].map(|c: usize| {
+            inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), x.covariance[c], &wide.locals[k], c)
+        })
+    };
+    let sigma: Vec<[Sigma; 3]> = texels.par_iter().enumerate().map(pigment).collect();
+    Ok(Fitted {
+        side: measured.side,
+        measured,
+        maps,
+        mask,
+        at,
+        texels,
+        sigma_a,
+        sigma_s,
+        sigma_a_rel: rel_a,
+        sigma_s_rel: rel_s,
+        thickness,
+        thickness_err,
+        gamma,
+        gamma_err,
+        sigma,
+        to_normal,
+        wide,
+        termination,
+        figures,
+        unexplained,
+        bounds,
+    })
+}
+
+/// Defects that the texel fit and the light box show between them.
+fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
+    let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
+    let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
+    let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
+    let unexplained = outliers::unexplained(maps, &measured.mask);
+    (0..code.len())
+        .map(|k| {
+            if !measured.mask[k] {
+                return 0;
+            }
+            if unexplained[k] {
+                return Defect::Unexplained.code();
+            }
+            if code[k] != 1.0 {
+                return code[k] as i16;
+            }
+            let (t, e) = (measured.rho_t[k], measured.rho_t_err[k]);
+            if (0..3).any(|c| !t[c].is_finite() || t[c] >= 1.0 || t[c] < -6.0 * e[c]) {
+                return Defect::Transmission.code();
+            }
+            if (0..3).any(|c| rho_d[c][k] + t[c] > 1.0 + 3.0 * (rho_d_err[c][k].powi(2) + e[c].powi(2)).sqrt()) {
+                return Defect::Energy.code();
+            }
+            if (0..3).all(|c| t[c] < 3.0 * e[c]) {
+                return Defect::ThicknessUndetermined.code();
+            }
+            1
+        })
+        .collect()
+}
+
+/// The good texels: where they are, their readings, and which of them stand in for texels whose reading failed.
+struct Good {
+    at: Vec<u32>,
+    texels: Vec<Texel>,
+    missing: Vec<StandIns>,
+}
+
+impl Good {
+    /// `relative`: the noise of ρt relative to ρt. The rest of the standard error is the floor.
+    fn gather(measured: &Measured, maps: &Maps, mask: &[i16], relative: f64, width: usize) -> Good {
+        let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
+        let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
+        let by_dark = [0, 1, 2].map(|c| texels::by_dark(maps, c));
+        let texel = |k: usize| {
+            let rho_t = measured.rho_t[k].map(f64::from);
+            let floor = |c: usize| {
+                (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt()
+            };
+            Texel {
+                rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
+                rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
+                rho_t,
+                rho_t_floor: [0, 1, 2].map(floor),
+                covariance: [0, 1, 2]
+                    .map(|c: usize| f64::from(by_dark[c].get(k).unwrap_or(&0.0) * measured.rho_t_by_dark[k][c])),
+            }
+        };
+        let at: Vec<u32> = (0..mask.len() as u32).filter(|&k| mask[k as usize] == 1).collect();
+        let texels = at.iter().map(|&k| texel(k as usize)).collect();
+        Good { missing: outliers::stand_ins(mask, &at, &measured.rho_t, width), at, texels }
+    }
+}
+
+/// A start from the leaf's median reflectance and transmittance a channel.
+pub fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
+    [0, 1, 2].map(|c: usize| {
+        let d = outliers::median(texels.iter().map(|x| x.rho_d[c]).collect());
+        let t = outliers::median(texels.iter().map(|x| x.rho_t[c]).collect()).max(1e-4);
+        let found = slab::inverse::invert(d, t, h, 1e-3 * d, 1e-3 * t);
+        if found.sigma_a.is_finite() && found.sigma_s.is_finite() && found.sigma_a > 0.0 && found.sigma_s > 0.0 {
+            [found.sigma_a, found.sigma_s]
+        } else {
+            // No slab was found: start at a typical green leaf of optical thickness 4.
+            [1.5 / h, 2.5 / h]
+        }
+    })
+}
+
+/// How much of the measured transmittance each reduction reproduces: over the whole leaf, and over its darkest tenth
+/// (the veins).
+fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<String, f64> {
+    let mut order: Vec<usize> = (0..texels.len()).collect();
+    order.sort_unstable_by(|&a, &b| texels[a].rho_t[1].total_cmp(&texels[b].rho_t[1]));
+    let veins = &order[..order.len().div_ceil(10)];
+    let exact = |k: usize| {
+        let t = wide.locals[k].thickness.ln();
+        [0, 1, 2].map(|c: usize| wide.curves[c].at(t).ln_rho_t.exp())
+    };
+    // Where Eq. 5 has no thickness, the paper's leaf transmits its smallest possible value, B ω/2.
+    let frozen = |k: usize| {
+        let t = paper.thickness[k];
+        paper::transmittance(paper, if t.is_nan() { f64::INFINITY } else { t })
+    };
+    let rms = |list: &[usize], model: &dyn Fn(usize) -> [f64; 3]| {
+        let sum: f64 =
+            list.iter().map(|&k| (0..3).map(|c| (model(k)[c] - texels[k].rho_t[c]).powi(2)).sum::<f64>()).sum();
+        (sum / (3 * list.len()) as f64).sqrt()
+    };
+    let chi2: f64 = wide.locals.iter().map(|l| l.chi2).sum();
+    let freedom = (2 * texels.len()).saturating_sub(6).max(1) as f64;
+    BTreeMap::from([
+        ("transmittance_rms_exact".to_string(), rms(&order, &exact)),
+        ("transmittance_rms_paper".to_string(), rms(&order, &frozen)),
+        ("transmittance_rms_exact_darkest_tenth".to_string(), rms(veins, &exact)),
+        ("transmittance_rms_paper_darkest_tenth".to_string(), rms(veins, &frozen)),
+        ("paper_negative_logarithms".to_string(), paper.negative_logarithms as f64),
+        ("paper_sigma_a_red".to_string(), paper.sigma_a[0]),
+        ("paper_sigma_s_red".to_string(), paper.sigma_s[0]),
+        ("transmittance_reduced_chi2".to_string(), chi2 / freedom),
+        ("gauge_thickness_relative".to_string(), wide.gauge[0] / h),
+        ("down_weighted_texels".to_string(), wide.locals.iter().filter(|l| l.weight < 1.0).count() as f64),
+    ])
+}

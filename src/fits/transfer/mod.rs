@@ -1,0 +1,223 @@
+//! `fit transfer`: the light that arrives at the leaves of a scene between and by way of other leaves, stored in a
+//! folder like any fit.
+//!
+//! The folder holds `operators.exr` (the entries of [`mesophyll_transport::transfer::operator`], in half floats),
+//! `fit.toml` and `times.toml`. With the sun's shadows it also holds `sun.visibility`. The input hash covers every
+//! mesh, map and place of the scene, and the light where the light does not move. A fit that was stopped continues from
+//! its finished parts.
+
+#![warn(missing_docs)]
+
+mod layout;
+mod matter;
+mod store;
+mod sun;
+#[cfg(test)]
+mod tests;
+
+pub use layout::{Layout, OfLeaf};
+pub use store::{OPERATORS, Transfer};
+pub use sun::{LiveSun, SUN, Sun, SunMaps};
+
+use crate::record::maker::{self, Maker, Outcome};
+use crate::record::{FitKind, FitRecord, Section};
+use mesophyll_base::error::{Error, Result};
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::{hash, memory, progress};
+use mesophyll_transport::path::{Paths, Tracer};
+use mesophyll_transport::transfer::{self, Columns, Method, Receiver, Request};
+use mesophyll_transport::world::World;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The options of a transfer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// How light between surfaces is found.
+    pub method: Method,
+    /// Number of anchors along a leaf and across it.
+    pub anchors: [usize; 2],
+    /// The functions that the light is a sum of.
+    pub columns: Columns,
+    /// Number of bands of the harmonics for a glossy leaf, 1 to 7.
+    pub gloss_bands: usize,
+    /// Number of paths from each anchor.
+    pub paths: u32,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Computes again although the folder holds this very fit.
+    pub force: bool,
+}
+
+/// A scene and what its transfer is made for.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Name of the scene.
+    pub name: String,
+    /// The things that stand in it, and its light.
+    pub world: Arc<World>,
+    /// How many of the world's leaves, counted from the first, are leaves. The others are wood and ground.
+    pub leaves: usize,
+    /// Whether any picture will show each instance. Instances beyond the end of the list count as shown.
+    pub seen: Vec<bool>,
+    /// The sun whose shadows are computed too ([`Scene::under_sun`]).
+    pub sun: Option<Sun>,
+}
+
+/// Bytes of memory for each entry while it is computed: its four numbers as they are traced, scaled, packed and read
+/// again.
+pub const BYTES_AN_ENTRY: u64 = 64;
+
+/// How entries are computed. It changes when the same scene gets other entries.
+const METHOD: &str = "Gaussian neighbourhoods of 32 points; wood by its triangles' middles; in units of the light";
+/// What the parts of this fit hold. It changes when their format changes.
+const PART: &str = "entries of about 2,000 anchors as EXR, their errors";
+/// The least number of anchors in a part.
+const ANCHORS_A_PART: usize = 2000;
+
+/// What a finished part records beside its entries.
+#[derive(Serialize, Deserialize)]
+struct Part {
+    /// The error at each anchor; see [`transfer::Found`].
+    errors: Vec<f32>,
+}
+
+/// Makes the transfer of `scene` in the folder `out`. `inputs` are the files that the scene is made from. They must not
+/// lie in this folder.
+///
+/// # Errors
+/// [`Error::Input`] for a world that contradicts itself, [`Error::Usage`] where it would need more memory than there
+/// is, [`Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
+pub fn run(scene: &Scene, inputs: &[&Path], out: &Path, options: &Options) -> Result<Outcome> {
+    let (scene, options) = (scene.clone(), *options);
+    maker::make(FitKind::Transfer, out, inputs, move |maker| fit(&scene, &options, maker))
+}
+
+fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let hash = maker.phase("look", || Ok(input_hash(scene, options)))?;
+    if let Some(found) = maker.up_to_date(hash, options.force)? {
+        return Ok(found);
+    }
+    let world = &*scene.world;
+    let layout = maker.phase("anchors", || Ok(Layout::new(world, scene.leaves, &scene.seen, options)))?;
+    let columns = options.columns.count();
+    let bytes = (layout.rows * columns) as u64 * BYTES_AN_ENTRY;
+    memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
+    let tracer = maker.phase("box trees", || Tracer::new(world, Paths::default()))?;
+    let bar = progress::Bar::new("transfer", layout.anchors() as u64);
+    let (mut entries, mut errors) = (Vec::with_capacity(layout.rows * columns), Vec::new());
+    let scale = matter::scale(world, options.columns);
+    let request =
+        Request { method: options.method, columns: options.columns, paths: options.paths, seed: options.seed };
+    let start = std::time::Instant::now();
+    for (k, part) in layout.parts(ANCHORS_A_PART).into_iter().enumerate() {
+        let name = format!("part-{k}");
+        let Part { errors: of_part } = maker.part(PART, &name, |folder, _| {
+            let (mut found, mut errors) = (Vec::new(), Vec::new());
+            for instance in part.clone().filter(|k| layout.is_own(*k)) {
+                let leaf = &layout.leaves[world.instances[instance].leaf];
+                let receiver = Receiver { instance, anchors: &leaf.anchors.points, rows: leaf.rows };
+                let of = transfer::measure(&tracer, &receiver, &request);
+                progress::go_on()?;
+                found.extend(of.entries.into_iter().map(|e| e.map(|v| v / scale)));
+                errors.extend(of.errors);
+            }
+            write_exr(&folder.join(format!("{name}.exr")), &store::maps(&found), Packing::Half)?;
+            Ok(Part { errors })
+        })?;
+        bar.advance(of_part.len() as u64);
+        let path = maker.parts(PART).join(format!("{name}.exr"));
+        let rows: usize = part.map(|i| layout.rows_of(world, i)).sum();
+        match store::entries(&path, rows * columns) {
+            Ok(found) => entries.extend(found),
+            Err(error) => {
+                // The damaged part would make every further run fail too.
+                let _ = std::fs::remove_dir_all(maker.parts(PART));
+                return Err(Error::input(
+                    &path,
+                    format!("a finished part is damaged ({error}); the parts were removed, run the same command again"),
+                ));
+            }
+        }
+        errors.extend(of_part);
+    }
+    maker.times.phase("paths", start);
+    let sun = maker.phase("sun", || scene.sun.as_ref().map(|sun| sun.maps(world)).transpose())?;
+    let mut record = maker.record(&scene.name);
+    describe(&mut record, &layout, options, &errors, entries.len());
+    store::note(&mut record, &scene.seen);
+    if let Some(maps) = &sun {
+        let section = record.sections.entry("sun".into()).or_default();
+        section.counts.insert("directions".into(), maps.directions().len());
+        section.counts.insert("vertices".into(), maps.receivers());
+        section.figures.insert("bytes".into(), maps.bytes() as f64);
+    }
+    let out = maker.begin()?;
+    let maps: Maps = store::maps(&entries);
+    write_exr(&out.join(OPERATORS), &maps, Packing::Half)?;
+    record.files.insert(OPERATORS.into(), hash::file(&out.join(OPERATORS))?);
+    store::preview(out, &layout, world, &entries, columns)?;
+    if let Some(maps) = sun {
+        maps.write(&out.join(SUN))?;
+        record.files.insert(SUN.into(), hash::file(&out.join(SUN))?);
+    }
+    maker.finish(&record)?;
+    Ok(Outcome::Done(Box::new(record)))
+}
+
+/// The hash of everything that decides the transfer of a scene.
+pub fn input_hash(scene: &Scene, options: &Options) -> String {
+    let mut told = format!(
+        "{:?} {:?} {} {} {} {:?}",
+        options.anchors, options.columns, options.gloss_bands, options.paths, options.seed, scene.seen
+    );
+    if options.method != Method::Paths {
+        told += &format!(" {:?}", options.method);
+    }
+    let matter = matter::hash(&scene.world, scene.leaves);
+    let light = match options.columns {
+        Columns::Harmonics(_) => String::new(),
+        Columns::Light => matter::light_hash(&scene.world),
+    };
+    let sun = scene.sun.as_ref().map_or(String::new(), Sun::hash);
+    maker::input_hash([
+        ("method", METHOD),
+        ("matter", matter.as_str()),
+        ("light", light.as_str()),
+        ("sun", sun.as_str()),
+        ("options", told.as_str()),
+    ])
+}
+
+/// Writes what the record says of the fit.
+fn describe(record: &mut FitRecord, layout: &Layout, options: &Options, errors: &[f32], entries: usize) {
+    let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
+    say("anchors", format!("{}x{} a leaf", options.anchors[0], options.anchors[1]));
+    say(
+        "light",
+        match options.columns {
+            Columns::Harmonics(bands) => format!("harmonics of {bands} bands"),
+            Columns::Light => "the scene's own, standing still".into(),
+        },
+    );
+    if options.method == Method::AmbientOcclusion {
+        say("method", "multi-bounce ambient occlusion: one ray each, what lies behind is estimated".into());
+    }
+    say("paths", options.paths.to_string());
+    say("seed", options.seed.to_string());
+    let mut section = Section::default();
+    let dark = errors.iter().filter(|e| e.is_nan()).count();
+    section.counts.insert("anchors".into(), layout.anchors());
+    section.counts.insert("rows".into(), layout.rows);
+    section.counts.insert("columns".into(), options.columns.count());
+    section.counts.insert("no_light".into(), dark);
+    let mut known: Vec<f32> = errors.iter().copied().filter(|e| e.is_finite()).collect();
+    known.sort_unstable_by(f32::total_cmp);
+    let at = |share: f64| known.get(((known.len() as f64 - 1.0) * share) as usize).map_or(f64::NAN, |e| f64::from(*e));
+    for (name, value) in [("irradiance_error_median", at(0.5)), ("irradiance_error_worst", at(1.0))] {
+        section.figures.insert(name.into(), value);
+    }
+    section.figures.insert("bytes_on_gpu".into(), (entries * 8) as f64);
+    record.sections.insert("transfer".into(), section);
+}

@@ -1,0 +1,302 @@
+//! Synthesis of photographs under beams from a leaf specification. Lengths in mm.
+//!
+//! The leaf's maps are those of the other captures (normals, thickness, σ). The irradiance of a beam with
+//! self-shadowing enters, spreads in the thin form with the transport equation's totals for a beam of that incidence,
+//! and leaves. There are 20 thickness levels and kernels to 1e-9, more than a fit uses. Where σa varies over the leaf
+//! (pigment leaves), there are levels in ln σa as well as in thickness. The leaf is index-matched: all light enters,
+//! and all light that reaches the far side leaves. For a patch the leaf is grown wider than the picture, so that light
+//! comes in over its border.
+
+use super::manifest::{Beam, Manifest};
+use crate::kind::Kind;
+use crate::synth::leaf::{Leaf, Window, texel_size};
+use crate::synth::preview;
+use crate::synth::random::Stream;
+use crate::synth::scan::stop_if_asked;
+use crate::synth::spec::{Model, Spec};
+use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::progress::Bar;
+use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::slab::exact::Medium;
+use mesophyll_optics::translucency::blade::{LitSide, Surface};
+use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_optics::translucency::levels::{LevelKind, Levels};
+use mesophyll_optics::translucency::relief;
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::path::Path;
+
+/// How a specification is photographed.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Columns of every photograph.
+    pub width: usize,
+    /// Rows of every photograph.
+    pub height: usize,
+    /// Width (mm) and centre (mm from the field's centre) of the part that is captured; the whole field when absent.
+    pub patch: Option<(f64, [f64; 2])>,
+    /// The lights, and the file of each photograph.
+    pub beams: Vec<Beam>,
+    /// Relative noise; 0 writes exact values.
+    pub noise: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Whether σa varies over the leaf.
+    pub model: Model,
+}
+
+/// Number of thickness levels, and of levels of ln σa where it varies.
+const LEVELS: usize = 20;
+const PIGMENTS: usize = 6;
+/// Light from more than this many mean thicknesses outside of a patch is left out.
+const AROUND: f64 = 8.0;
+/// A facet counts for at most the area of this many texels.
+const STEEPEST: f64 = 5.0;
+
+/// One beam along each side's normal, and three slanting ones on the front.
+pub fn usual_beams() -> Vec<Beam> {
+    let beams = [
+        (Side::Front, 90.0, 0.0),
+        (Side::Front, 50.0, 20.0),
+        (Side::Front, 50.0, 140.0),
+        (Side::Front, 50.0, 260.0),
+        (Side::Back, 90.0, 0.0),
+    ];
+    named(
+        beams
+            .map(|(lit, elevation_deg, azimuth_deg)| Beam { file: String::new(), lit, elevation_deg, azimuth_deg })
+            .to_vec(),
+    )
+}
+
+/// Gives the beams their file names, such as `photographs/01_front_90_0.exr`.
+pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
+    for (k, b) in beams.iter_mut().enumerate() {
+        b.file = format!("photographs/{:02}_{}_{}_{}.exr", k + 1, b.lit.name(), b.elevation_deg, b.azimuth_deg);
+    }
+    beams
+}
+
+/// A leaf that is wider than the picture by `around` texels on every side.
+#[derive(Debug, Clone)]
+pub struct Grown {
+    /// The leaf with all its maps.
+    pub leaf: Leaf,
+    /// Texels beyond the picture's border, on every side.
+    pub around: usize,
+}
+
+/// Grows the leaf; `None` where not one texel of the picture lies on it, or where the leaf is not a slab.
+pub fn grow(spec: &Spec, options: &Options) -> Option<Grown> {
+    let (w, h) = (options.width, options.height);
+    let (window, around) = match options.patch {
+        Some((size, centre_mm)) => {
+            let texel_mm = size / w as f64;
+            (Window { centre_mm, texel_mm }, (AROUND * spec.thickness_mm / texel_mm).ceil() as usize)
+        }
+        None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+    };
+    let leaf = Leaf::grow_in(spec, options.model, (w + 2 * around, h + 2 * around), window)?;
+    let grown = Grown { leaf, around };
+    if grown.leaf.front.sigma_a.is_empty() {
+        return None;
+    }
+    grown.crop(&grown.leaf.mask).contains(&true).then_some(grown)
+}
+
+impl Grown {
+    /// The picture's part of a map.
+    pub fn crop<T: Clone>(&self, map: &[T]) -> Vec<T> {
+        let (wide, a) = (self.leaf.width, self.around);
+        map.chunks(wide)
+            .skip(a)
+            .take(self.leaf.height - 2 * a)
+            .flat_map(|row| row[a..wide - a].iter().cloned())
+            .collect()
+    }
+
+    /// Exact values of a photograph, in the lit side's columns, a channel each.
+    ///
+    /// # Errors
+    /// A tissue that no kernel can be made of.
+    pub fn shown(&self, beam: &Beam) -> Result<[Vec<f64>; 3]> {
+        let leaf = &self.leaf;
+        let (side, mask) = (leaf.side(beam.lit), leaf.mask_of(beam.lit));
+        let (w, h) = (leaf.width, leaf.height);
+        let normal: Vec<[f64; 3]> =
+            side.normal.iter().zip(&mask).map(|(n, m)| if *m { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
+        let height = relief::integrate(&normal, &mask, w, h, leaf.texel_mm).height;
+        let thickness: Vec<f64> =
+            side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
+        // A slope has more area than its texel, so it receives n·ω/n_z.
+        let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
+        let surface = Surface { height, normal, entry };
+        let lit = LitSide {
+            side: beam.lit,
+            width: w,
+            height: h,
+            texel_mm: leaf.texel_mm,
+            mask: Cow::from(&mask),
+            thickness: Cow::from(&thickness),
+            surface: &surface,
+        };
+        let light = irradiance(&lit, &Horizon::new(&lit), beam.direction(), Visibility::Hard);
+        let mut out: [Vec<f64>; 3] = Default::default();
+        for (c, out) in out.iter_mut().enumerate() {
+            let sigma_a: Vec<f64> = side.sigma_a.iter().map(|s| f64::from(s[c])).collect();
+            let reduced = side.sigma_s.iter().zip(&mask).find(|(_, m)| **m).map_or(0.0, |(s, _)| f64::from(s[c]));
+            *out = self.crop(&through(
+                &light,
+                &thickness,
+                &sigma_a,
+                reduced,
+                beam.direction()[2].min(1.0),
+                w,
+                leaf.texel_mm,
+            )?);
+        }
+        Ok(out)
+    }
+}
+
+/// The share of a beam at cosine `mu` to the normal that comes through a slab of `d` mm, divided by that of a beam
+/// along the normal.
+pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
+    slanting_in(&medium(tissue), tissue, d, mu)
+}
+
+fn medium(tissue: &Tissue) -> Medium {
+    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
+    Medium::new(s / (a + s), a / (a + s))
+}
+
+fn slanting_in(medium: &Medium, tissue: &Tissue, d: f64, mu: f64) -> f64 {
+    if !(d > 0.0 && mu < 1.0) {
+        return 1.0;
+    }
+    let ln = |mu: f64| medium.solve_log(mu, (tissue.sigma_a + tissue.reduced_scattering()) * d).1;
+    (ln(mu) - ln(1.0)).exp()
+}
+
+/// [`slanting`] for many thicknesses: a table over ln d, cubic between its points.
+fn slants(tissue: &Tissue, range: [f64; 2], mu: f64) -> impl Fn(f64) -> f64 + use<> {
+    const POINTS: usize = 64;
+    let (low, step) = (range[0].ln() - 1e-9, ((range[1] / range[0]).ln() + 2e-9) / (POINTS - 1) as f64);
+    let medium = medium(tissue);
+    let at = |k: usize| slanting_in(&medium, tissue, (low + step * k as f64).exp(), mu);
+    let values: Vec<f64> = (0..POINTS).into_par_iter().map(at).collect();
+    move |d: f64| {
+        let at = ((d.ln() - low) / step).clamp(0.0, (POINTS - 1) as f64);
+        let first = (at as usize).saturating_sub(1).min(POINTS - 4);
+        let u = at - first as f64;
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| values[first + k]);
+        -a * (u - 1.0) * (u - 2.0) * (u - 3.0) / 6.0 + b * u * (u - 2.0) * (u - 3.0) / 2.0
+            - c * u * (u - 1.0) * (u - 3.0) / 2.0
+            + d * u * (u - 1.0) * (u - 2.0) / 6.0
+    }
+}
+
+/// The light that comes through where σa varies; the sources are split by levels of ln σa.
+fn through(
+    light: &[f64],
+    thickness: &[f64],
+    sigma_a: &[f64],
+    reduced: f64,
+    mu: f64,
+    width: usize,
+    texel_mm: f64,
+) -> Result<Vec<f64>> {
+    let on = || sigma_a.iter().zip(thickness).filter(|(_, d)| **d > 0.0).map(|(s, _)| *s);
+    let [low, high] = on().fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], s| [a.min(s), b.max(s)]);
+    let varies = low > 0.0 && high > low * (1.0 + 1e-9);
+    let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / PIGMENTS as f64;
+    let (middle, half) = (0.5 * (low.ln() + high.ln()), 0.5 * (high.ln() - low.ln()));
+    let nodes: Vec<f64> =
+        if varies { (0..PIGMENTS).map(|k| (middle + half * angle(k).cos()).exp()).collect() } else { vec![high] };
+    let thick =
+        thickness.iter().filter(|d| **d > 0.0).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| [a.min(*d), b.max(*d)]);
+    let mut sum = vec![0.0; light.len()];
+    if !(reduced > 0.0 || high > 0.0) || thick[1] == 0.0 {
+        return Ok(sum);
+    }
+    for (k, &node) in nodes.iter().enumerate() {
+        // Lagrange's weight of this node for the σa of each texel.
+        let weight = |s: f64| match varies {
+            true => (0..PIGMENTS).filter(|j| *j != k).map(|j| (s / nodes[j]).ln() / (node / nodes[j]).ln()).product(),
+            false => 1.0,
+        };
+        let tissue = Tissue { sigma_a: node, sigma_s: reduced, g: 0.0, a: 1.0 };
+        let slant = slants(&tissue, thick, mu);
+        let lit = |k: usize| {
+            if light[k] > 0.0 && thickness[k] > 0.0 { light[k] * weight(sigma_a[k]) * slant(thickness[k]) } else { 0.0 }
+        };
+        let part: Vec<f64> = (0..light.len()).map(lit).collect();
+        let levels = Levels { count: LEVELS, kind: LevelKind::Chebyshev };
+        let settings = Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, texel_mm) };
+        let Some(convolver) = Convolver::for_map(&settings, width, thickness)? else { continue };
+        sum.iter_mut().zip(&convolver.run(thickness, &[part])[0]).for_each(|(s, v)| *s += v);
+    }
+    Ok(sum)
+}
+
+/// Writes photographs of `grown` into `folder`; `capture.toml` is written last.
+///
+/// # Errors
+/// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
+pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> Result<Manifest> {
+    let (w, h) = (options.width, options.height);
+    let floor = if options.noise > 0.0 { spec.device.noise_floor } else { 0.0 };
+    let bar = Bar::new("photographing", options.beams.len() as u64);
+    for (k, beam) in options.beams.iter().enumerate() {
+        stop_if_asked(folder)?;
+        let mut shown = grown.shown(beam)?;
+        for (c, channel) in shown.iter_mut().enumerate() {
+            let mut stream = Stream::new(options.seed, &[31, k as u64, c as u64]);
+            if options.noise > 0.0 {
+                for pair in channel.chunks_mut(2) {
+                    pair.iter_mut()
+                        .zip(stream.normal_pair())
+                        .for_each(|(v, n)| *v += n * (options.noise * *v).hypot(floor));
+                }
+            }
+        }
+        // As the unlit side's camera sees it; off the leaf there are no readings.
+        let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
+        let mut maps = Maps::new(w, h);
+        for (channel, name) in shown.iter().zip(crate::reader::RGB) {
+            let seen: Vec<f32> =
+                channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
+            maps.push(name, mirror(&seen, w));
+        }
+        write_exr(&folder.join(&beam.file), &maps, Packing::Raw)?;
+        bar.advance(1);
+    }
+    for side in Side::ALL {
+        let all = grown.leaf.truth(side);
+        let mut truth = Maps::new(w, h);
+        for (channel, values) in &all.channels {
+            truth.push(channel, grown.crop(values));
+        }
+        write_exr(&crate::truth_path(folder, side), &truth, Packing::Zip)?;
+        preview::write(folder, &grown.leaf, side)?;
+    }
+    let manifest = Manifest {
+        schema: 1,
+        kind: Kind::Beams.field().unwrap_or_default().into(),
+        name: spec.name.clone(),
+        width: w,
+        height: h,
+        texel_mm: grown.leaf.texel_mm,
+        noise_relative: Some(options.noise),
+        noise_floor: Some(floor),
+        beams: options.beams.clone(),
+    };
+    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
+    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
+    Ok(manifest)
+}

@@ -1,0 +1,43 @@
+//! A leaf without a laboratory: photographs of both sides in open shade and of the leaf on a light table, with a grey
+//! card and a ruler in the picture. How to take them: `docs/photo.md`.
+//!
+//! Open shade lights the leaf from the whole hemisphere, and the camera looks along its normal. So a photograph
+//! measures the hemispherical-directional reflectance factor; by reciprocity it is the share of a beam along the normal
+//! that the leaf reflects, which is the slab's ρd plus what the surface mirrors. The light table measures the slab's
+//! ρt in the same way. What the sheet or the table sends back to the underside comes from all sides and is worked out
+//! apart (`returned.rs`).
+
+#![warn(missing_docs)]
+
+mod coded;
+pub mod colours;
+mod diffuse;
+mod faint;
+mod gloss;
+mod grid;
+mod inspect;
+mod leaf_light;
+mod light;
+pub mod manifest;
+mod noise;
+mod outline;
+pub mod picture;
+mod reduce;
+mod reduced;
+mod register;
+mod returned;
+mod ruler;
+mod shade;
+pub mod synth;
+mod table;
+mod texture;
+mod views;
+
+pub use inspect::{Inspection, inspect};
+pub use manifest::Manifest;
+pub use noise::Noise;
+pub use reduce::reduce;
+pub use reduced::{Reduced, ReducedSide};
+pub use ruler::Scale;
+
+pub(crate) use mesophyll_base::error::{Error, Result};

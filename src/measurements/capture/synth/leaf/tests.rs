@@ -1,0 +1,77 @@
+use super::*;
+use crate::synth::slab_truth;
+
+fn elm(model: Model) -> (Spec, Leaf) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/leaves/elm.toml");
+    let spec = Spec::read(&path).unwrap();
+    let leaf = Leaf::grow(&spec, model, 60, 45).unwrap();
+    (spec, leaf)
+}
+
+#[test]
+fn gauges_energy_and_the_slab_hold() {
+    for model in [Model::Exact, Model::Pigment] {
+        let (spec, leaf) = elm(model);
+        for side in Side::ALL {
+            let (side, mask) = (leaf.side(side), leaf.mask_of(side));
+            let good: Vec<usize> = (0..mask.len()).filter(|&k| mask[k]).collect();
+            let mean = |f: &dyn Fn(usize) -> f64| good.iter().map(|&k| f(k)).sum::<f64>() / good.len() as f64;
+            assert!((mean(&|k| f64::from(side.thickness[k])) / spec.thickness_mm - 1.0).abs() < 1e-6);
+            for c in 0..3 {
+                assert!((mean(&|k| f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);
+                for &k in good.iter().step_by(211) {
+                    let (a, s) = (f64::from(side.sigma_a[k][c]), f64::from(side.sigma_s[k][c]));
+                    let r = slab_truth::response(a, s, f64::from(side.thickness[k]));
+                    assert!((f64::from(side.rho_d[k][c]) / (r.rho_d * f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);
+                    assert!((f64::from(side.rho_t[k][c]) / r.rho_t - 1.0).abs() < 1e-6);
+                }
+            }
+            assert!(good.iter().all(|&k| (0..3).all(|c| side.rho_d[k][c] + side.rho_t[k][c] <= 1.0)));
+            assert!(good.iter().all(|&k| (side.normal[k].iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-6));
+        }
+        if model == Model::Exact {
+            assert!(
+                leaf.front
+                    .sigma_a
+                    .iter()
+                    .zip(&leaf.mask)
+                    .all(|(s, m)| !m || *s == spec.interior.sigma_a.map(|v| v as f32))
+            );
+        }
+    }
+}
+
+#[test]
+fn the_back_is_the_front_mirrored() {
+    let (_, leaf) = elm(Model::Pigment);
+    let w = leaf.width;
+    for j in 0..leaf.height {
+        for i in 0..w {
+            let (f, b) = (j * w + i, j * w + w - 1 - i);
+            assert_eq!(leaf.mask[f], leaf.mask_of(Side::Back)[b]);
+            assert_eq!(leaf.front.thickness[f], leaf.back.thickness[b]);
+            assert_eq!(leaf.front.sigma_a[f], leaf.back.sigma_a[b]);
+            assert_eq!(leaf.front.rho_t[f], leaf.back.rho_t[b]);
+        }
+    }
+}
+
+/// A plane that rises to the right in the front's image also rises to the right in the back's (turned about y and seen
+/// from below).
+#[test]
+fn normals_turn_with_the_leaf() {
+    let (mut spec, _) = elm(Model::Exact);
+    spec.relief.sunk_mm = [0.0; 3];
+    spec.relief.raised_mm = [0.0; 3];
+    let leaf = Leaf::grow(&spec, Model::Exact, 60, 45).unwrap();
+    for j in 2..43 {
+        for i in 2..58 {
+            let (f, b) = (leaf.front.normal[j * 60 + i], leaf.back.normal[j * 60 + 59 - i]);
+            if leaf.mask[j * 60 + i] {
+                // The same surface seen from below: n → −n, then turned about y: (x, y, z) → (−x, y, −z).
+                let turned = [f[0], -f[1], f[2]];
+                assert!((0..3).all(|c| (turned[c] - b[c]).abs() < 1e-5), "{f:?} {b:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! Shapes that are placed in a scene, and the search for what a ray hits among them.
+
+use crate::rays::arena::Tree;
+use crate::rays::frame::Bounds;
+use crate::rays::lanes::{Lanes, dispatch};
+use crate::rays::ray::Ray;
+use crate::rays::shape::{Met, Shape};
+use crate::rays::walk::{Local, Visit, walk};
+use glam::{DAffine3, DMat4, DVec3};
+use mesophyll_base::processor::InstructionSet;
+
+/// A point where a ray hits a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray, in units of the length of its direction.
+    pub t: f64,
+    /// The instance that was hit.
+    pub instance: usize,
+    /// The triangle of the instance's shape that was hit.
+    pub triangle: usize,
+    /// Weights of the triangle's second and third corner.
+    pub barycentric: [f64; 2],
+}
+
+/// A placed shape.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Instance {
+    pub shape: usize,
+    pub to_local: DAffine3,
+}
+
+/// All instances, with a tree of boxes over them.
+#[derive(Debug, Clone)]
+pub struct Forest {
+    pub(crate) shapes: Vec<Shape>,
+    pub(crate) placed: Vec<Instance>,
+    pub(crate) tree: Tree,
+    pub(crate) instructions: InstructionSet,
+}
+
+impl Forest {
+    /// `placed` holds, for each instance, the index of its shape and its local → world transform (affine, invertible).
+    ///
+    /// # Panics
+    /// Where the index of a shape is not below their number.
+    pub fn new(shapes: Vec<Shape>, placed: &[(usize, DMat4)]) -> Forest {
+        let parts: Vec<Vec<Bounds>> = shapes.iter().map(|shape| shape.tree.parts()).collect();
+        let (mut numbers, mut boxes) = (Vec::new(), Vec::new());
+        for (k, (shape, transform)) in placed.iter().enumerate() {
+            // The boxes under a shape's root together fit a rotated shape more closely than its single box would.
+            let corners = parts[*shape].iter().flat_map(Bounds::corners);
+            let bounds = Bounds::of(corners.map(|p| transform.transform_point3(p))).padded();
+            if !bounds.is_empty() && bounds.low.is_finite() && bounds.high.is_finite() {
+                numbers.push(k as u32);
+                boxes.push(bounds);
+            }
+        }
+        let tree = Tree::build(&boxes, 1, |_, things, _| numbers[things[0] as usize]);
+        let placed: Vec<Instance> = placed
+            .iter()
+            .map(|(shape, transform)| Instance { shape: *shape, to_local: DAffine3::from_mat4(transform.inverse()) })
+            .collect();
+        Forest { shapes, placed, tree, instructions: InstructionSet::detect() }
+    }
+
+    /// The same forest searched with other instructions, if the processor has them; for tests and measurements.
+    pub fn with_instructions(mut self, set: InstructionSet) -> Forest {
+        self.instructions = set.or_less();
+        self
+    }
+
+    /// Lowest and highest corner of the box around everything; `None` for an empty scene.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let Bounds { low, high } = self.tree.bounds;
+        (!self.tree.bounds.is_empty()).then_some([low, high])
+    }
+
+    /// Length of the diagonal of the box around everything; 0 for an empty scene.
+    pub fn extent(&self) -> f64 {
+        let bounds = self.tree.bounds;
+        if bounds.is_empty() { 0.0 } else { (bounds.high - bounds.low).length() }
+    }
+
+    /// The nearest hit with t > 0 that `accept(instance, triangle, barycentric)` accepts (an alpha test). Of several
+    /// hits at the same t, the one with the lowest instance and triangle is returned.
+    pub fn nearest(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> Option<Hit> {
+        self.nearest_within(ray, f64::INFINITY, accept)
+    }
+
+    /// The nearest hit with 0 < t < `limit` that `accept` accepts.
+    pub fn nearest_within(
+        &self,
+        ray: &Ray,
+        limit: f64,
+        accept: impl Fn(usize, usize, [f64; 2]) -> bool,
+    ) -> Option<Hit> {
+        self.first(ray, limit, &accept)
+    }
+
+    /// Whether there is a hit at t > 0 that `accept` accepts.
+    pub fn blocked(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
+        self.blocked_within(ray, f64::INFINITY, accept)
+    }
+
+    /// Whether there is a hit at 0 < t < `limit` that `accept` accepts.
+    pub fn blocked_within(&self, ray: &Ray, limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
+        self.any(ray, limit, &accept)
+    }
+
+    fn first(&self, ray: &Ray, limit: f64, accept: Accept<'_>) -> Option<Hit> {
+        let mut first = First { accept, farthest: limit, best: None };
+        self.search::<false, _>(ray, limit, &mut first);
+        first.best
+    }
+
+    fn any(&self, ray: &Ray, limit: f64, accept: Accept<'_>) -> bool {
+        self.search::<true, _>(ray, limit, &mut Any { accept })
+    }
+
+    /// The corners of a triangle of shape `shape`, in the shape's own space.
+    ///
+    /// # Panics
+    /// Where there is no such shape or triangle.
+    #[inline]
+    pub fn corners(&self, shape: usize, triangle: usize) -> [DVec3; 3] {
+        self.shapes[shape].triangles[triangle].map(DVec3::from)
+    }
+
+    /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it; with `ANY` also until a solid
+    /// triangle is met for sure with t < limit.
+    fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
+        let forest = self;
+        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64,
+            found: &mut F) -> bool)
+    }
+}
+
+/// What is done with a hit.
+pub(crate) trait Found {
+    /// Takes the instance, what is met of it and the limit, which it may lower; true ends the search.
+    fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool;
+}
+
+/// Which hits count: takes instance, triangle and barycentric coordinates. It is called through a pointer, so that the
+/// search is compiled once, here, and not again for each function that anyone passes.
+pub(crate) type Accept<'a> = &'a dyn Fn(usize, usize, [f64; 2]) -> bool;
+
+/// Looks for the nearest hit before `farthest`.
+pub(crate) struct First<'a> {
+    pub accept: Accept<'a>,
+    pub farthest: f64,
+    pub best: Option<Hit>,
+}
+
+impl Found for First<'_> {
+    #[inline(always)]
+    fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool {
+        let Met { t, barycentric, solid, .. } = met;
+        let triangle = met.triangle as usize;
+        let first =
+            t < self.farthest && self.best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
+        if first && (solid || (self.accept)(instance, triangle, barycentric)) {
+            *limit = t;
+            self.best = Some(Hit { t, instance, triangle, barycentric });
+        }
+        false
+    }
+}
+
+/// Looks for any hit before the limit.
+struct Any<'a> {
+    accept: Accept<'a>,
+}
+
+impl Found for Any<'_> {
+    #[inline(always)]
+    fn found(&mut self, instance: usize, met: Met, limit: &mut f64) -> bool {
+        met.t < *limit && (met.solid || (self.accept)(instance, met.triangle as usize, met.barycentric))
+    }
+}
+
+#[inline(always)]
+fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, found: &mut F) -> bool {
+    if forest.placed.len() == 1 {
+        // A single instance needs no tree of instances.
+        return enter::<L, ANY, F>(forest, 0, ray, 0.0, &mut limit, found);
+    }
+    let Some(local) = Local::new(ray, 0.0, &forest.tree.frame, &forest.tree.bounds) else { return false };
+    walk::<L, ANY, _>(&forest.tree, &local, &mut limit, &mut Instances::<F, ANY> { forest, ray, found })
+}
+
+/// Searches one instance.
+#[inline(always)]
+fn enter<L: Lanes, const ANY: bool, F: Found>(
+    forest: &Forest,
+    k: usize,
+    ray: &Ray,
+    from: f64,
+    limit: &mut f64,
+    found: &mut F,
+) -> bool {
+    let instance = &forest.placed[k];
+    forest.shapes[instance.shape].meet::<L, ANY, F>(&ray.through(&instance.to_local), from, limit, k, found)
+}
+
+/// Tries the instance of a leaf.
+struct Instances<'a, F, const ANY: bool> {
+    forest: &'a Forest,
+    ray: &'a Ray,
+    found: &'a mut F,
+}
+
+impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Instances<'_, F, ANY> {
+    #[inline(always)]
+    fn leaf(&mut self, code: u32, local: &Local, near: f32, _: f32, limit: &mut f64) -> bool {
+        enter::<L, ANY, F>(self.forest, code as usize, self.ray, local.t(near), limit, self.found)
+    }
+}

@@ -1,0 +1,304 @@
+//! Fits in formats that other programs read. Values are written as fitted; what a format cannot express is written in a
+//! file beside it.
+
+#![warn(missing_docs)]
+
+mod blade;
+mod blender;
+mod bsdf;
+pub mod coat;
+pub mod dress;
+pub mod foreign;
+mod gltf;
+mod materialx;
+mod mitsuba;
+mod obj;
+mod packed;
+mod pbrt;
+mod ply;
+pub mod shown;
+mod side;
+mod sigma;
+pub mod sky;
+mod table;
+mod texture;
+mod usd;
+
+use coat::Lost;
+use mesophyll_files::atomic;
+use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_fits::leaf_folder::File;
+use mesophyll_fits::record::{FitKind, FitRecord, Times};
+use serde_json::json;
+use side::SideMaps;
+use sky::SkyOptions;
+use std::path::{Path, PathBuf};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
+
+/// What a fit can be written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Format {
+    /// A folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear; ranges.json says what a byte means
+    Png,
+    /// One float OpenEXR with every map of both sides and its standard error
+    Exr,
+    /// A row a texel: place, mask, every map and its standard error
+    Csv,
+    /// Parameters with errors, statistics and run times, not the maps; of a sky also the arrays and how to evaluate
+    /// them
+    Json,
+    /// The blade as binary glTF (.glb) in metres, matte colour and gloss: opaque, no light comes through it
+    #[strum(to_string = "gltf", serialize = "glb")]
+    Gltf,
+    /// As gltf, with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission; a scene as a
+    /// whole, with camera and sun
+    GltfTranslucent,
+    /// A folder with a scene for Mitsuba 3: scene.xml, meshes and textures, of a leaf or of a whole scene
+    Mitsuba,
+    /// A folder with a leaf or a whole scene for pbrt-v4: scene.pbrt, meshes and textures
+    Pbrt,
+    /// A folder with a leaf or a whole scene as OpenUSD text with UsdPreviewSurface: scene.usda and textures
+    Usd,
+    /// A folder with a leaf or a whole scene for Blender: scene.py, a script that builds the scene, and what it reads
+    Blender,
+    /// A folder with the materials alone, as MaterialX with OpenPBR: leaf.mtlx
+    #[strum(to_string = "materialx", serialize = "mtlx")]
+    Materialx,
+    /// A folder with the gloss of each side as a measured material (.bsdf, RGL's tensors), the mean over the leaf
+    Bsdf,
+    /// A folder of float OpenEXR textures for renderers that follow light inside a leaf: sigma_a and sigma_s in 1/m and
+    /// the thickness in m, a side
+    Sigma,
+    /// The blade as Wavefront OBJ in mm with normals, a material library and pictures beside it
+    Obj,
+    /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
+    /// tangent frame
+    Packed,
+    /// Of a scene: a folder with its plants at rest as meshes, and textures of the pivot, axis, length and parent of
+    /// every branch and leaf, for the foliage materials of game engines
+    Pivots,
+    /// A leaf or a whole scene as one file for the viewer in a browser (docs/web.md): whatever the window shows, with
+    /// the reference pictures of a check
+    Web,
+    /// A sky's fitted harmonics with an evaluator for shaders, f32
+    Wgsl,
+    /// A sky's fitted harmonics with an evaluator as a C header, float or double
+    C,
+}
+
+impl Format {
+    /// The format's name on the command line.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
+    /// Whether it writes a folder.
+    pub fn is_folder(self) -> bool {
+        matches!(self, Format::Png | Format::Packed | Format::Pivots | Format::Sigma) || self.is_assembly()
+    }
+
+    /// Whether it is a folder with a scene for another renderer.
+    pub fn is_assembly(self) -> bool {
+        matches!(
+            self,
+            Format::Mitsuba | Format::Pbrt | Format::Usd | Format::Blender | Format::Materialx | Format::Bsdf
+        )
+    }
+
+    /// Whether a scene can be written so, with everything that stands in it.
+    pub fn holds_scenes(self) -> bool {
+        self.is_assembly() || self == Format::GltfTranslucent
+    }
+
+    /// Endings of the files that this format writes.
+    pub fn endings(self) -> &'static [&'static str] {
+        match self {
+            Format::Png => &["png", "json"],
+            Format::Exr | Format::Packed => &["exr"],
+            Format::Pivots => &["exr", "glb", "json"],
+            Format::Csv => &["csv"],
+            Format::Json => &["json"],
+            Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
+            Format::Bsdf => &["bsdf", "json"],
+            Format::Sigma => &["exr", "json"],
+            Format::Obj => &["obj"],
+            Format::Mitsuba => &["xml", "ply", "exr", "json"],
+            Format::Pbrt => &["pbrt", "ply", "exr", "json"],
+            Format::Usd => &["usda", "exr", "json"],
+            Format::Blender => &["py", "glb", "exr", "json"],
+            Format::Materialx => &["mtlx", "exr", "json"],
+            Format::Web => &["mesophyll"],
+            Format::Wgsl => &["wgsl"],
+            Format::C => &["h"],
+        }
+    }
+}
+
+/// What was written.
+#[derive(Debug, Default)]
+pub struct Exported {
+    /// Every file.
+    pub files: Vec<PathBuf>,
+    /// What the format cannot hold, where it is a material.
+    pub lost: Option<Lost>,
+}
+
+impl From<Vec<PathBuf>> for Exported {
+    fn from(files: Vec<PathBuf>) -> Self {
+        Exported { files, lost: None }
+    }
+}
+
+/// Writes what is shown as `format`, with its loss beside it: in a folder as `loss.json`, beside a file as
+/// `FILE.loss.json`. `scene` says whether it is a whole scene.
+///
+/// # Errors
+/// [`Error::Usage`] for a folder or file that holds something else; [`Error::Write`].
+pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, inputs: &[&Path]) -> Result<Exported> {
+    if !format.is_assembly() {
+        let kind = match (format, scene) {
+            (_, true) => gltf::Kind::Scene,
+            (Format::Gltf, false) => gltf::Kind::Opaque,
+            _ => gltf::Kind::Translucent,
+        };
+        let record = record_of_loss(path)?;
+        let lost = gltf::write(shown, path, kind)?;
+        return beside(record, vec![path.to_path_buf()], lost);
+    }
+    let _claim = claim::folder(path, Kind::Export, inputs)?;
+    claim::begin(path, Kind::Export)?;
+    let write = match format {
+        Format::Pbrt => pbrt::write,
+        Format::Usd => usd::write,
+        Format::Blender => blender::write,
+        Format::Materialx => materialx::write,
+        Format::Bsdf => bsdf::write,
+        _ => mitsuba::write,
+    };
+    let (mut files, lost) = write(shown, path)?;
+    files.push(path.join("loss.json"));
+    lost.write(&path.join("loss.json"))?;
+    claim::finish(path)?;
+    Ok(Exported { files, lost: Some(lost) })
+}
+
+/// The place of a file's loss, `FILE.loss.json`; refused where something else has that name.
+fn record_of_loss(path: &Path) -> Result<PathBuf> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".loss.json");
+    let record = PathBuf::from(name);
+    claim::file(&record, &["json"], &[])?;
+    let ours = |text: String| serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|v| v["target"].is_string());
+    if record.exists() && !std::fs::read_to_string(&record).is_ok_and(ours) {
+        let what = "found something else, expected a free name or the loss of an earlier export";
+        return Err(Error::Usage(format!("{}: {what}", record.display())));
+    }
+    Ok(record)
+}
+
+/// Writes the loss of a file beside it.
+fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: Lost) -> Result<Exported> {
+    lost.write(&record)?;
+    files.push(record);
+    Ok(Exported { files, lost: Some(lost) })
+}
+
+/// Writes the fit in `folder` as `format` to `path`; returns every file written.
+///
+/// # Errors
+/// [`Error::Input`] when the fit or a map that it needs cannot be read, [`Error::Usage`] when this kind of fit cannot
+/// be written in the format, [`Error::Missed`] for a fit that was changed since it was fitted, [`Error::Write`].
+pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Exported> {
+    let record = FitRecord::read(folder)?;
+    if format == Format::Pivots {
+        let what = format!("{} is a {}; --to pivots is for scenes with plants", folder.display(), record.kind.words());
+        return Err(Error::Usage(what));
+    }
+    if format == Format::Web {
+        return Err(Error::Usage("--to web: the file holds what the renderer draws, so it is made of a scene".into()));
+    }
+    if record.kind == FitKind::Sky {
+        if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
+            let what = format!(
+                "{} is a sky fit; it can be exported as wgsl, c or json, not as {}",
+                folder.display(),
+                format.name()
+            );
+            return Err(Error::Usage(what));
+        }
+        atomic::write_bytes(path, sky::text(folder, format, sky)?.as_bytes())?;
+        return Ok(vec![path.to_path_buf()].into());
+    }
+    if matches!(format, Format::Wgsl | Format::C) || !sky.is_plain() {
+        let what = format!(
+            "{} is a {}; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
+            folder.display(),
+            record.kind.words()
+        );
+        return Err(Error::Usage(what));
+    }
+    if format == Format::Json {
+        record.verify(folder)?;
+        atomic::write_bytes(path, &as_json(&record, folder)?)?;
+        return Ok(vec![path.to_path_buf()].into());
+    }
+    if record.kind == FitKind::Look && matches!(format, Format::Packed | Format::Sigma) {
+        let what = "is stated, not fitted: a picture says nothing of γ, σa and σs, which this format holds";
+        return Err(Error::Usage(format!("{}: {what}; expected another format", folder.display())));
+    }
+    let sides = SideMaps::all(&record, folder)?;
+    record.verify(folder)?;
+    let alone = || vec![path.to_path_buf()];
+    Ok(match format {
+        Format::Json | Format::Pivots | Format::Web | Format::Wgsl | Format::C => Vec::new().into(),
+        Format::Png => texture::folder(&sides, folder, path)?.into(),
+        Format::Packed => packed::folder(&sides, folder, path)?.into(),
+        Format::Sigma => sigma::folder(&sides, folder, path)?,
+        Format::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),
+        Format::Csv => table::write(&sides, &record, path).map(|()| alone())?.into(),
+        Format::Obj => {
+            let loss = record_of_loss(path)?;
+            let files = obj::write(&sides, &record, folder, path)?;
+            let shown = shown::Shown::of_fit(folder, &sides)?;
+            let mut unsaid = vec![
+                "transmitted light".to_string(),
+                "its gloss is Phong's, which readers scale differently: the errors are those of its matte colour alone"
+                    .to_string(),
+            ];
+            unsaid.extend(shown.left_out.iter().cloned());
+            let coats = coat::coats(&shown, crate::foreign::target::Target::Obj);
+            beside(loss, files, Lost::new("obj", &coats, &unsaid))?
+        }
+        _ => assemble(&shown::Shown::of_fit(folder, &sides)?, format, path, false, &[folder])?,
+    })
+}
+
+/// The record as it is, and the times; numbers that are not finite become `null`.
+fn as_json(record: &FitRecord, folder: &Path) -> Result<Vec<u8>> {
+    let times = Times::read(folder).ok();
+    let mut text = serde_json::to_vec_pretty(&json!({"fit": record, "times": times}))
+        .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// `front.rho_d.R` and, for its standard error, `front.err.rho_d.R`.
+fn one_exr(sides: &[SideMaps], folder: &Path, path: &Path) -> Result<()> {
+    let (width, height) = (sides[0].maps.width, sides[0].maps.height);
+    let mut all = Maps::new(width, height);
+    for side in sides {
+        let own = side.side.name();
+        side.maps.require_size(&File::Maps.path(folder, side.side), width, height)?;
+        for (name, samples) in &side.maps.channels {
+            all.push(format!("{own}.{name}"), samples.clone());
+        }
+        for (name, samples) in side.errors.iter().flat_map(|m| &m.channels) {
+            all.push(format!("{own}.err.{name}"), samples.clone());
+        }
+    }
+    write_exr(path, &all, Packing::Zip)
+}
+
+pub(crate) use mesophyll_base::error::{Error, Result};

@@ -1,0 +1,220 @@
+//! Between Python and the rooms: arrays, errors, interruptions and panics.
+
+use mesophyll_base::error::{Error, Result, Status};
+use pyo3::buffer::PyBuffer;
+use pyo3::exceptions::{
+    PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyPermissionError, PyRuntimeError, PyValueError,
+};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use std::any::Any;
+use std::fs::File;
+use std::io::ErrorKind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
+
+/// An array of double-precision numbers.
+pub type Numbers = PyBuffer<f64>;
+
+/// Rows that did not end well: which one, counted from 0, and its status.
+pub type Troubles = Vec<(usize, String)>;
+
+/// What a row takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cost {
+    /// Microseconds: a few rows are done before a thread could be made for them.
+    Little,
+    /// So long that even one row is worth a thread, and Ctrl-C.
+    Much,
+}
+
+/// Rows of [`Cost::Little`] that are computed at once, without another thread.
+const FEW: usize = 256;
+/// Most rows that a thread takes at a time.
+const CHUNK: usize = 512;
+/// How often Python is asked whether Ctrl-C was pressed.
+const ASK: Duration = Duration::from_millis(50);
+
+/// Whether Ctrl-C was pressed during one call. Every call has its own, so that it stops no other one.
+#[derive(Debug, Default)]
+pub struct Stop(AtomicBool);
+
+impl Stop {
+    fn ask(&self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether to stop.
+    pub fn asked(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}
+
+/// The Python exception for one of our errors.
+pub fn raise(error: Error) -> PyErr {
+    let sentence = error.to_string();
+    match error {
+        Error::Write { .. } | Error::BrokenPipe => PyOSError::new_err(sentence),
+        Error::Interrupted(_) => PyKeyboardInterrupt::new_err(sentence),
+        Error::Missed(_) => PyRuntimeError::new_err(sentence),
+        // What stands for a file that there is not, such as a device given as a dictionary, is in angle brackets.
+        Error::Input { ref file, .. } if !file.starts_with('<') => match File::open(file).map_err(|e| e.kind()) {
+            Ok(_) => PyValueError::new_err(sentence),
+            Err(ErrorKind::NotFound) => PyFileNotFoundError::new_err(sentence),
+            Err(ErrorKind::PermissionDenied) => PyPermissionError::new_err(sentence),
+            Err(_) => PyOSError::new_err(sentence),
+        },
+        Error::Usage(_) | Error::Argument { .. } => PyValueError::new_err(as_arguments(&sentence)),
+        _ => PyValueError::new_err(sentence),
+    }
+}
+
+/// A sentence that names options of the command line (`--ground is 2`), with the names that they have as arguments of a
+/// Python function (`ground is 2`).
+pub fn as_arguments(sentence: &str) -> String {
+    let word = |word: &str| word.strip_prefix("--").map_or(word.to_string(), |name| name.replace('-', "_"));
+    sentence.split(' ').map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// What a name of `T` stands for.
+pub fn named<T>(argument: &str, name: &str) -> PyResult<T>
+where
+    T: strum::IntoEnumIterator + Into<&'static str> + std::str::FromStr,
+{
+    name.parse().map_err(|_| {
+        let names: Vec<&'static str> = T::iter().map(Into::into).collect();
+        PyValueError::new_err(format!("{argument}: found {name:?}, expected one of {}", names.join(", ")))
+    })
+}
+
+fn panicked(panic: Box<dyn Any + Send>) -> PyErr {
+    let words = panic.downcast_ref::<&str>().map(|s| s.to_string()).or_else(|| panic.downcast_ref::<String>().cloned());
+    let words = words.unwrap_or_else(|| "no message".into());
+    PyRuntimeError::new_err(format!("an internal error of mesophyll, which is worth a report: {words}"))
+}
+
+/// Does `work` without Python's lock. A panic becomes a `RuntimeError`. `long` work is done on a thread of its own, so
+/// that Ctrl-C stops it; then `on_stop` is called, and the work is waited for.
+pub fn run_until<T: Send>(
+    py: Python<'_>,
+    long: bool,
+    on_stop: impl Fn() + Sync,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
+    let ended = |made: std::thread::Result<Result<T>>| made.map_err(panicked)?.map_err(raise);
+    let work = move || catch_unwind(AssertUnwindSafe(work));
+    if !long {
+        return ended(py.detach(work));
+    }
+    py.detach(|| {
+        std::thread::scope(|scope| {
+            let (done, wait) = mpsc::channel();
+            scope.spawn(move || {
+                // The other end waits until this thread ends.
+                let _ = done.send(work());
+            });
+            let mut stopped = None;
+            loop {
+                match wait.recv_timeout(ASK) {
+                    Ok(made) => return stopped.map_or_else(|| ended(made), Err),
+                    Err(mpsc::RecvTimeoutError::Timeout) => {
+                        if let Err(signal) = Python::attach(|py| py.check_signals()) {
+                            on_stop();
+                            stopped = Some(signal);
+                        }
+                    }
+                    Err(mpsc::RecvTimeoutError::Disconnected) => return Err(panicked(Box::new("a thread ended"))),
+                }
+            }
+        })
+    })
+}
+
+/// Long work that never looks whether to stop: Ctrl-C is raised once it has ended.
+pub fn run<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
+    run_until(py, true, || (), work)
+}
+
+/// Computes `rows` rows on all cores. `f` fills the cells of a row; `out` gets them in row order, its shape is
+/// (rows, cells of a row).
+///
+/// # Errors
+/// `ValueError` where `out` has another size; what Ctrl-C raises, and then `out` is left as it was.
+pub fn fill<F>(py: Python<'_>, rows: usize, cost: Cost, out: &Numbers, f: F) -> PyResult<Troubles>
+where
+    F: Fn(usize, &mut [f64], &Stop) -> Status + Sync + Send,
+{
+    let cells = out.item_count().checked_div(rows).unwrap_or(0);
+    if out.item_count() != rows * cells {
+        return Err(PyValueError::new_err(format!(
+            "the output has {} numbers; expected {cells} for each of {rows} rows",
+            out.item_count()
+        )));
+    }
+    if rows == 0 || cells == 0 {
+        return Ok(Vec::new());
+    }
+    let stop = Stop::default();
+    let part = |first: usize, values: &mut [f64]| -> Troubles {
+        let mut troubles = Vec::new();
+        for (k, row) in values.chunks_exact_mut(cells).enumerate() {
+            if stop.asked() {
+                break;
+            }
+            let status = f(first + k, row, &stop);
+            if matches!(status, Status::Refused(_)) {
+                row.fill(f64::NAN);
+            }
+            if !status.is_ok() {
+                troubles.push((first + k, status.to_string()));
+            }
+        }
+        troubles
+    };
+    let long = cost == Cost::Much || rows >= FEW;
+    let (values, troubles) = run_until(
+        py,
+        long,
+        || stop.ask(),
+        || {
+            let mut values = vec![f64::NAN; rows * cells];
+            let troubles: Vec<Troubles> = if long {
+                let each = (rows / (8 * rayon::current_num_threads())).clamp(1, CHUNK);
+                let chunks = values.par_chunks_mut(each * cells).enumerate();
+                chunks.map(|(k, chunk)| part(k * each, chunk)).collect()
+            } else {
+                vec![part(0, &mut values)]
+            };
+            // Rows may be missing, or made of fewer rays than were asked for.
+            if stop.asked() { Err(Error::Interrupted("stopped".into())) } else { Ok((values, troubles.concat())) }
+        },
+    )?;
+    out.copy_from_slice(py, &values)?;
+    Ok(troubles)
+}
+
+/// The numbers of arrays that must be of one length.
+///
+/// # Errors
+/// `ValueError` where they are not.
+pub fn columns<const N: usize>(py: Python<'_>, arrays: [&Numbers; N]) -> PyResult<([Vec<f64>; N], usize)> {
+    let rows = arrays.first().map_or(0, |a| a.item_count());
+    let mut read: [Vec<f64>; N] = [const { Vec::new() }; N];
+    for (to, from) in read.iter_mut().zip(arrays) {
+        if from.item_count() != rows {
+            return Err(PyValueError::new_err(format!("arrays of {rows} and of {} numbers", from.item_count())));
+        }
+        *to = from.to_vec(py)?;
+    }
+    Ok((read, rows))
+}
+
+/// Copies the values of an answer into a row.
+pub fn answered(answer: mesophyll_files::table::Answer, row: &mut [f64]) -> Status {
+    for (to, from) in row.iter_mut().zip(&answer.values) {
+        *to = *from;
+    }
+    answer.status
+}

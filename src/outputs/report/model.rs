@@ -1,0 +1,342 @@
+//! The contents of a report as plain rows. The JSON *is* these rows; Markdown and HTML print the same.
+
+use crate::captures::CaptureRow;
+use crate::held_out::HeldOutReport;
+use crate::stats::Summary;
+use crate::values::Values;
+use mesophyll_base::solve::TraceRow;
+use mesophyll_fits::record::{FitKind, Phase, Residuals, TruthError};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A level of quality. The levels are ordered, so that the worst reason decides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Nothing speaks against it.
+    Good,
+    /// Usable, but something should be checked.
+    Doubtful,
+    /// It must not be used as it is.
+    Bad,
+}
+
+impl Level {
+    /// Its word in the report.
+    pub fn word(self) -> &'static str {
+        match self {
+            Level::Good => "Good",
+            Level::Doubtful => "Usable with care",
+            Level::Bad => "Not good",
+        }
+    }
+}
+
+/// One reason behind a verdict.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reason {
+    /// What it says of the fit.
+    pub level: Level,
+    /// The reason as a sentence.
+    pub text: String,
+}
+
+/// "Is this good?"
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// The level of the worst reason.
+    pub level: Level,
+    /// The verdict as a sentence, with the reasons that decide it.
+    pub sentence: String,
+    /// Whether the fit missed its mark by what was measured. A truth that a synthetic capture holds is left out: it
+    /// says how good the method is, which no measured capture can.
+    pub missed: bool,
+    /// Every reason, the worst first.
+    pub reasons: Vec<Reason>,
+}
+
+/// A whole report.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Version of this layout.
+    pub schema: u32,
+    /// Name and version of the program that wrote the report.
+    pub program: String,
+    /// Heading.
+    pub title: String,
+    /// The overall verdict: the worst of what the report contains.
+    pub verdict: Verdict,
+    /// The fits, in the order in which they were named.
+    pub fits: Vec<FitReport>,
+    /// Every further fit compared with the first, where fits are compared.
+    pub comparisons: Vec<Comparison>,
+    /// What scenes need, and what they leave out.
+    pub plans: Vec<PlanReport>,
+    /// The results of checks of scenes.
+    pub checks: Vec<CheckReport>,
+}
+
+/// One fit folder.
+#[derive(Debug, Clone, Serialize)]
+pub struct FitReport {
+    pub name: String,
+    pub kind: FitKind,
+    pub folder: String,
+    pub program: String,
+    pub input_hash: String,
+    pub termination: Option<String>,
+    pub verdict: Verdict,
+    pub options: BTreeMap<String, String>,
+    pub parameters: Vec<ParameterRow>,
+    pub sections: Vec<SectionReport>,
+    pub maps: Vec<MapRow>,
+    /// Measurements that the fit did not see.
+    pub held_out: HeldOutReport,
+    pub times: Option<TimesReport>,
+    /// What the folder lacks, in words.
+    pub missing: Vec<String>,
+    #[serde(skip)]
+    pub pictures: Vec<SidePictures>,
+}
+
+/// A parameter; each channel has its own row.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterRow {
+    pub section: String,
+    pub name: String,
+    /// `R`, `G`, `B`, or empty.
+    pub channel: String,
+    pub value: Option<f64>,
+    /// The whole standard error; absent where it is infinite or not stated.
+    pub stderr: Option<f64>,
+    /// The part of the standard error that comes from the caliper, which is the same share for all of the leaf; absent
+    /// where there is none.
+    pub stderr_caliper: Option<f64>,
+    pub unit: String,
+    /// Why the data do not determine the parameter.
+    pub undetermined: Option<String>,
+}
+
+/// The statistics of `front`, `back` or `all`.
+#[derive(Debug, Clone, Serialize)]
+pub struct SectionReport {
+    pub name: String,
+    pub counts: BTreeMap<String, usize>,
+    pub terminations: BTreeMap<String, usize>,
+    pub residuals: BTreeMap<String, Residuals>,
+    pub truth: BTreeMap<String, TruthError>,
+    pub figures: BTreeMap<String, f64>,
+    pub correlation_names: Vec<String>,
+    pub correlation: Vec<Vec<f64>>,
+    pub condition: Option<f64>,
+    pub rank: Option<usize>,
+}
+
+/// A map's channel in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MapRow {
+    pub section: String,
+    pub quantity: String,
+    pub channel: String,
+    pub unit: String,
+    /// Statistics over the good texels.
+    pub summary: Summary,
+    /// Good texels without a value.
+    pub undetermined: usize,
+    pub stderr_median: Option<f64>,
+    pub truth: Option<MapTruth>,
+}
+
+/// A map compared with the truth, over the good texels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MapTruth {
+    pub median_absolute: f64,
+    pub p99_absolute: f64,
+    /// Absent where a ratio means nothing (normals).
+    pub median_relative: Option<f64>,
+    pub bias: f64,
+    /// Share of truths within 1.96 standard errors.
+    pub coverage95: Option<f64>,
+}
+
+/// `times.toml`.
+#[derive(Debug, Clone, Serialize)]
+pub struct TimesReport {
+    pub phases: Vec<Phase>,
+    pub total_s: f64,
+    pub threads: usize,
+    pub peak_memory_mib: Option<f64>,
+    pub traces: BTreeMap<String, Vec<TraceRow>>,
+}
+
+/// Two fits side by side: the second against the first.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    pub first: String,
+    pub second: String,
+    pub sentence: String,
+    pub parameters: Vec<ParameterDifference>,
+    pub maps: Vec<MapDifference>,
+    /// What only one of the fits has, and what cannot be compared.
+    pub notes: Vec<String>,
+    #[serde(skip)]
+    pub pictures: Vec<MapPictures>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterDifference {
+    pub section: String,
+    pub name: String,
+    pub channel: String,
+    pub unit: String,
+    /// Absent where undetermined.
+    pub first: Option<f64>,
+    pub first_stderr: Option<f64>,
+    pub second: Option<f64>,
+    pub second_stderr: Option<f64>,
+    /// For undetermined values, the best estimates and their bounds in words; empty where determined.
+    pub estimates: [String; 2],
+    pub difference: Option<f64>,
+    /// Difference divided by the combined standard error.
+    pub sigmas: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MapDifference {
+    pub section: String,
+    pub quantity: String,
+    pub channel: String,
+    pub unit: String,
+    pub texels: usize,
+    pub median_difference: f64,
+    pub median_absolute: f64,
+    pub p99_absolute: f64,
+    /// Share of texels that differ by more than 1.96 combined standard errors.
+    pub beyond95: Option<f64>,
+}
+
+/// `plan.json`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct PlanReport {
+    pub folder: String,
+    pub needed: Vec<PlanItem>,
+    pub left_out: Vec<PlanItem>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct PlanItem {
+    pub name: String,
+    pub reason: String,
+    pub saved: String,
+}
+
+/// `check.json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct CheckReport {
+    pub folder: String,
+    pub passed: Option<bool>,
+    pub adapter: String,
+    pub views: Vec<ViewReport>,
+    /// Leaves compared with their scans, and what was skipped.
+    pub captures: Vec<CaptureRow>,
+    pub skipped: Vec<String>,
+    pub missing: Vec<String>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct ViewReport {
+    pub name: String,
+    /// What the picture is compared with: `perspective` (the reference renderer), `card` (a closed form), or empty
+    /// where this is not stated.
+    pub kind: String,
+    pub passed: Option<bool>,
+    /// What missed its threshold, one sentence each.
+    pub why: Vec<String>,
+    /// Every number of the view, by the name `check.json` gives it.
+    pub figures: BTreeMap<String, f64>,
+    #[serde(skip)]
+    pub image: Option<Picture>,
+    #[serde(skip)]
+    pub reference: Option<Picture>,
+    #[serde(skip)]
+    pub difference: Option<Picture>,
+    #[serde(skip)]
+    pub flip: Option<Picture>,
+    /// The reference's picture of the true leaf, where the scan is synthetic.
+    #[serde(skip)]
+    pub true_leaf: Option<Picture>,
+}
+
+/// A picture inside the page.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Picture {
+    pub uri: String,
+    pub width: usize,
+    pub height: usize,
+    pub alt: String,
+    /// The map or the larger picture that it shows.
+    pub texels: Texels,
+    /// The map's values, where it is one in false colour.
+    pub values: Option<Values>,
+}
+
+/// Columns and rows of a map, and how many of them are one pixel of its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Texels {
+    pub columns: usize,
+    pub rows: usize,
+    pub step: usize,
+}
+
+/// The pictures of a side.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct SidePictures {
+    pub section: String,
+    /// ρd and ρt as they would look.
+    pub looks: Vec<Captioned>,
+    pub fate: Option<Captioned>,
+    pub legend: Vec<LegendItem>,
+    pub residual: Option<Captioned>,
+    pub residual_histogram: Option<String>,
+    pub maps: Vec<MapPictures>,
+}
+
+/// A picture (or chart) and its caption; `bar` is SVG.
+#[derive(Debug, Clone, Serialize)]
+pub struct Captioned {
+    pub picture: Picture,
+    pub caption: String,
+    pub bar: String,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct LegendItem {
+    pub colour: String,
+    pub name: String,
+    pub texels: usize,
+}
+
+/// One quantity: its channels in order, the most informative one first.
+#[derive(Debug, Clone, Serialize)]
+pub struct MapPictures {
+    pub quantity: String,
+    pub title: String,
+    /// Remarks on the maps; may be empty.
+    pub note: String,
+    pub section: String,
+    pub channels: Vec<ChannelPictures>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct ChannelPictures {
+    pub channel: String,
+    pub pictures: Vec<Captioned>,
+    /// SVG, with captions.
+    pub charts: Vec<ChartTile>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct ChartTile {
+    pub svg: String,
+    pub caption: String,
+}

@@ -1,0 +1,85 @@
+//! The cost of a frame: a view's times, and the share of the translucency maps, measured by drawing with and without
+//! them in turns.
+
+use crate::report::{Term, ViewReport};
+use crate::told;
+use mesophyll_base::error::Result;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::manifest::{Manifest, View, ViewKind};
+use mesophyll_viewer as gpu;
+
+/// A view's report with its times, which are judged on real GPUs.
+pub fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> Result<ViewReport> {
+    let (w, h) = (manifest.check.width, manifest.check.height);
+    let timing = renderer.time(&handover::camera(view), w, h, manifest.check.frames as usize).map_err(told)?;
+    Ok(of(view, &timing, renderer))
+}
+
+/// A view's report with these times.
+pub fn of(view: &View, timing: &gpu::Timing, renderer: &gpu::Renderer) -> ViewReport {
+    let mut out = ViewReport {
+        name: view.name.clone(),
+        frame_ms_median: timing.quantile(0.5).unwrap_or(0.0),
+        frame_ms_p95: timing.quantile(0.95).unwrap_or(0.0),
+        triangles: renderer.stats().triangles,
+        threshold_flip_p99: view.flip_p99,
+        threshold_max_error: view.max_error.unwrap_or(0.0),
+        threshold_frame_ms: view.frame_ms,
+        passes: timing.passes.iter().map(|(n, t)| (n.clone(), median(t))).collect(),
+        ..ViewReport::default()
+    };
+    if let Some(limit) = view.frame_ms
+        && !renderer.adapter().is_software
+        && out.frame_ms_median > limit
+    {
+        out.why.push(format!("a frame takes {:.2} ms (median), at most {limit:.2} ms allowed", out.frame_ms_median));
+    }
+    out
+}
+
+/// Draws the first view with and without the translucency maps, by turns, and gives the maps back.
+pub fn term(
+    manifest: &Manifest,
+    scene: &gpu::scene::Scene,
+    renderer: &mut gpu::Renderer,
+    timed: bool,
+) -> Result<Option<Term>> {
+    let has = |l: &gpu::scene::Leaf| l.sides.iter().any(|(_, s)| s.translucency.is_some());
+    let own: Vec<usize> = (0..scene.materials.len()).filter(|&k| scene.leaf(k).is_some_and(has)).collect();
+    let view = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
+    let (Some(view), false) = (view, own.is_empty()) else { return Ok(None) };
+    let mut plain = scene.clone();
+    for &k in &own {
+        plain.leaf_mut(k).into_iter().flat_map(|l| l.sides.iter_mut()).for_each(|(_, s)| s.translucency = None);
+    }
+    let longest = |scene: &gpu::scene::Scene, renderer: &gpu::Renderer| {
+        own.iter().filter_map(|&k| renderer.operations(scene, k)).max().unwrap_or_default()
+    };
+    let operations = [longest(scene, renderer), longest(&plain, renderer)];
+    if !timed {
+        return Ok(Some(Term { ms: None, operations }));
+    }
+    let mut times = [Vec::new(), Vec::new()];
+    for turn in 0..4 {
+        let which = turn % 2;
+        let drawn = if which == 0 { scene } else { &plain };
+        for &k in &own {
+            renderer.set_material(drawn, k).map_err(told)?;
+        }
+        let (w, h) = (manifest.check.width, manifest.check.height);
+        let timing =
+            renderer.time(&handover::camera(view), w, h, (manifest.check.frames as usize).min(10)).map_err(told)?;
+        let main = timing.passes.iter().find(|(n, _)| n == "main").map_or(&timing.frame_ms, |(_, t)| t);
+        times[which].extend(main);
+    }
+    for &k in &own {
+        renderer.set_material(scene, k).map_err(told)?;
+    }
+    Ok(Some(Term { ms: Some(times.map(|t| median(&t))), operations }))
+}
+
+pub(crate) fn median(list: &[f64]) -> f64 {
+    let mut sorted = list.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,217 @@
+//! The check. Every view of a scene is drawn by the GPU renderer. It is compared with the CPU reference (a card: with
+//! its closed form), with golden pictures where the scene has them, and with the thresholds that the scene states. A
+//! check of the goldens alone needs no reference and takes seconds.
+//!
+//! Errors are those of displayed values, 0 to 1. The noise of the reference is measured with a second seed and printed
+//! beside each threshold. Frame times are judged only on real GPUs.
+
+#![warn(missing_docs)]
+
+pub mod blocks;
+mod capture;
+mod card;
+pub mod consistency;
+mod cost;
+pub mod day;
+pub mod far;
+mod frames;
+pub mod golden;
+pub mod interiors;
+pub mod kept;
+pub mod lawns;
+pub mod methods;
+mod perspective;
+mod pictures;
+mod proof;
+pub mod repeats;
+mod report;
+pub mod ridge;
+mod smooth;
+pub mod trees;
+mod verify;
+
+pub use capture::CaptureReport;
+pub use report::{Report, Scope, Term, ViewReport};
+pub use smooth::Smooth;
+pub use verify::verify;
+
+use mesophyll_base::error::{Error, Result};
+use mesophyll_files::{atomic, progress};
+use mesophyll_scene::draw::truth::Truth;
+use mesophyll_scene::draw::{handover, reference, sunlit, true_leaf};
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::{View, ViewKind};
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_transport as transport;
+use mesophyll_viewer as gpu;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// The options of a check, besides the scene.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Where pictures and `check.json` go.
+    pub out: PathBuf,
+    /// Write the scene's golden pictures anew instead of comparing with them.
+    pub update_golden: bool,
+    /// Only draw every view small, for its golden picture: no reference, no frame times.
+    pub goldens_only: bool,
+    /// Only time so many frames of every perspective view: no reference, no goldens.
+    pub frames: Option<usize>,
+    /// When the program began, for the time until the first frame.
+    pub begun: Option<Instant>,
+}
+
+/// One setting of a sweep that draws, with the error of its picture (NaN where there is none) and the time of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The knob that was changed.
+    pub knob: &'static str,
+    /// The knob's setting, and what was drawn how.
+    pub setting: String,
+    /// 99th percentile of FLIP against the picture that the note names.
+    pub error: f64,
+    /// Median time of a frame (µs).
+    pub us: f64,
+    /// Further remarks.
+    pub note: String,
+}
+
+/// Opens the adapter.
+///
+/// # Errors
+/// [`Error::Missed`] when there is none: a check never passes without having looked.
+pub fn open() -> Result<gpu::Renderer> {
+    gpu::Renderer::headless(&gpu::Options::default())
+        .map_err(|e| Error::Missed(format!("nothing was checked: {e}{}", too_little_memory(&e))))
+}
+
+/// Drivers that find too little memory are not found themselves.
+fn too_little_memory(e: &gpu::Error) -> String {
+    if matches!(e, gpu::Error::NoAdapter) { mesophyll_files::memory::hint() } else { String::new() }
+}
+
+/// A renderer's error in our words.
+pub fn told(e: gpu::Error) -> Error {
+    Error::Missed(format!("the renderer failed: {e}{}", too_little_memory(&e)))
+}
+
+/// Checks every view.
+///
+/// # Errors
+/// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed
+/// threshold is no error here: see [`Report::passed`].
+pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report> {
+    let Scene { manifest, placed, plan, .. } = scene;
+    if let Some(missing) = placed.unfitted().first() {
+        let name = &manifest.leaves[*missing].name;
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{name}\""),
+            "not fitted yet; `mesophyll run` fits what a scene needs",
+        ));
+    }
+    atomic::probe_folder(&options.out)?;
+    let mut renderer = open()?;
+    let adapter = renderer.adapter().clone();
+    let faults = verify(scene, ledger)?;
+    let mut report = Report {
+        passed: true,
+        adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
+        software: adapter.is_software,
+        views: Vec::new(),
+        captures: Vec::new(),
+        skipped: Vec::new(),
+        failures: faults.all().cloned().collect(),
+        warnings: plan.warnings.iter().chain(&faults.notes).cloned().collect(),
+        uploads: Vec::new(),
+        pipelines: Vec::new(),
+        translucency: None,
+        film: None,
+        day: Vec::new(),
+        first_frame_s: None,
+    };
+    progress::say(format!("drawn by {}", report.adapter));
+    if let Some(count) = options.frames {
+        frames::all(scene, &mut renderer, count, options.begun, ledger, &mut report)?;
+    } else if options.goldens_only {
+        proof::all(scene, &mut renderer, options, ledger, &mut report)?;
+    } else {
+        against_reference(scene, &mut renderer, options, ledger, &mut report)?;
+    }
+    report.passed =
+        report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
+    let path = options.out.join("check.json");
+    atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
+    Ok(report)
+}
+
+/// Every view against the reference or its closed form, and against its golden where there is one.
+fn against_reference(
+    scene: &Scene,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
+    let Scene { manifest, placed, plan, .. } = scene;
+    let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
+    if !perspective.is_empty() {
+        let mut drawn = handover::scene(scene, ledger)?;
+        // The path tracer follows light through everything, not only through what a view sees. Only the path tracer
+        // draws leaves by their layers, and a lawn's blades in each other's shade.
+        let layers = scene.drawn().any(|leaf| leaf.config.layers.is_some());
+        let traced = plan.light.between.is_some() || !placed.grass.is_empty() || layers;
+        let mut world = if traced { transport::World::default() } else { reference::world(scene, ledger)? };
+        renderer.set_scene(&drawn).map_err(told)?;
+        report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
+        report.pipelines = renderer.stats().pipelines.clone();
+        // Views of the same time share the reference's trees.
+        let mut times: Vec<f64> = perspective.iter().map(|v| manifest.time_of(v)).collect();
+        times.dedup();
+        if !placed.moves().any() {
+            times.truncate(1);
+        }
+        let mut left = perspective.into_iter().peekable();
+        for time in times {
+            if let Some(wind) = &mut drawn.wind {
+                wind.time_s = time;
+                renderer.set_time(wind);
+            }
+            match traced {
+                true => world = reference::traced(scene, time, ledger)?,
+                false => reference::move_to(&mut world, scene, time)?,
+            }
+            let mut by_maps = world.clone();
+            let stored = sunlit::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
+            let mut as_grown = world.clone();
+            let known = !true_leaf::replace(&mut as_grown, scene, &options.out)?.is_empty();
+            let as_grown = if known { Some(Truth::new(&as_grown, traced)?) } else { None };
+            let stage = Truth::new(&world, traced)?;
+            let by_maps = if stored { Some(Truth::new(&by_maps, traced)?) } else { None };
+            while let Some(view) = left.next_if(|v| !placed.moves().any() || manifest.time_of(v) == time) {
+                let _bar = progress::Bar::of(format!("view {}", view.name));
+                let stages =
+                    perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
+                report.views.push(perspective::one_view(scene, view, renderer, &stages, options)?);
+            }
+        }
+        if let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) {
+            report.film = smooth::film(manifest, view, &drawn, renderer)?;
+            report.failures.extend(report.film.and_then(|f| f.why()));
+        }
+        let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
+        report.translucency = cost::term(manifest, &drawn, renderer, !slow)?;
+        let tile = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
+        if let Some(strip) = day::draw(scene, &drawn, renderer, tile, ledger)? {
+            strip.write(&options.out.join("day.png"))?;
+            report.day = strip.hours;
+            proof::hours(scene, &drawn, renderer, options, ledger, report)?;
+        }
+    }
+    for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
+        report.views.push(card::one_card(scene, view, renderer, options, ledger)?);
+    }
+    (report.captures, report.skipped) = capture::all(scene, renderer, options)?;
+    Ok(())
+}

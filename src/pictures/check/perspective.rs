@@ -1,0 +1,108 @@
+//! A view of the scene: the renderer's picture compared with the reference's, with translucency by the convolution or
+//! as the maps store it, and with the golden picture where there is one.
+
+use crate::blocks;
+use crate::cost::timed;
+use crate::pictures::save;
+use crate::report::{TrueLeaf, ViewReport, exceeds};
+use crate::{Options, proof, told};
+use mesophyll_base::error::Result;
+use mesophyll_files::image::write_png;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::draw::truth::Truth;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::{JudgedBy, View};
+use mesophyll_transport::compare;
+use mesophyll_viewer as gpu;
+use std::time::Instant;
+
+/// The reference, and the same with translucency maps evaluated as they are stored.
+pub struct Stages<'a> {
+    pub truth: &'a Truth<'a>,
+    pub by_maps: Option<&'a Truth<'a>>,
+    /// The reference with the true leaves, where scans are synthetic.
+    pub true_leaf: Option<&'a Truth<'a>>,
+}
+
+pub fn one_view(
+    scene: &Scene,
+    view: &View,
+    renderer: &mut gpu::Renderer,
+    stages: &Stages,
+    options: &Options,
+) -> Result<ViewReport> {
+    let manifest = &scene.manifest;
+    let size = (manifest.check.width, manifest.check.height);
+    let (w, h) = (size.0 as usize, size.1 as usize);
+    let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
+    let mut out = timed(manifest, view, renderer)?;
+    let start = Instant::now();
+    let seed = manifest.check.seed;
+    let mut truth = stages.truth.view(scene, view, seed)?;
+    if let Some(by_maps) = stages.by_maps {
+        // Both use the same rays, so they differ only by the basis.
+        let stored = by_maps.view(scene, view, seed)?;
+        let basis = compare::compare(&truth, &stored.ldr)?;
+        out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
+        if view.judged_by == JudgedBy::Maps {
+            (truth, out.by_maps) = (stored, true);
+        }
+    }
+    let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
+    let other = own.view(scene, view, seed.wrapping_add(1))?;
+    out.reference_s = start.elapsed().as_secs_f64();
+    let (seen, noise) = match view.blocks {
+        None => (compare::compare(&truth, &picture.ldr)?, compare::noise_floor(&truth, &other)?),
+        Some(side) => {
+            let mean = |hdr: &[[f32; 4]]| blocks::picture(hdr, [w, h], side as usize, manifest.exposure);
+            let right = mean(&truth.hdr);
+            let against = |hdr: &[[f32; 4]]| compare::compare(&right, &mean(hdr).ldr);
+            (against(&picture.hdr)?, against(&other.hdr)?)
+        }
+    };
+    out.blocks = view.blocks;
+    out.flip_mean = seen.flip_mean;
+    out.flip_p99 = seen.flip_p99;
+    out.max_error = seen.max_error;
+    out.max_at = seen.max_at;
+    out.interior_share = seen.interior_share;
+    (out.noise_flip_p99, out.noise_max_error) = (Some(noise.flip_p99), noise.max_error);
+    out.judge_against_reference();
+    if let Some(stage) = stages.true_leaf {
+        // Both use the same rays, so they differ only by the fit.
+        let grown = stage.view(scene, view, seed)?;
+        let apart = compare::compare(&grown, &picture.ldr)?;
+        let file = format!("{}-true-leaf.png", view.name);
+        write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;
+        out.true_leaf = Some(TrueLeaf {
+            flip_mean: apart.flip_mean,
+            flip_p99: apart.flip_p99,
+            max_error: apart.max_error,
+            picture: file,
+        });
+    }
+    proof::judge_view(manifest, view, renderer, options, &mut out)?;
+    save(&mut out, options, &truth, &picture, &seen)?;
+    out.passed = out.why.is_empty();
+    Ok(out)
+}
+
+impl ViewReport {
+    fn judge_against_reference(&mut self) {
+        if let Some(limit) = self.threshold_flip_p99
+            && exceeds(self.flip_p99, limit)
+        {
+            self.why.push(format!("99 % FLIP is {:.4} from the reference, at most {limit:.4} allowed", self.flip_p99));
+        }
+        let limit = self.threshold_max_error;
+        match self.max_error {
+            None => self.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
+            Some(e) if exceeds(e, limit) => {
+                let (x, y) = self.max_at.unwrap_or_default();
+                let what = if self.blocks.is_some() { "block" } else { "pixel" };
+                self.why.push(format!("{what} ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
+            }
+            Some(_) => {}
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Every view, drawn small and compared with its golden picture, or written as one.
+
+use crate::report::{Scope, ViewReport};
+use crate::{Options, Report, told};
+use crate::{day, golden};
+use mesophyll_base::error::Result;
+use mesophyll_files::{image, progress};
+use mesophyll_scene::draw::card::Card;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::{Manifest, View, ViewKind};
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_viewer as gpu;
+
+/// The name that the hours of a day have among the golden pictures.
+const HOURS: &str = "hours";
+
+/// Every view of the scene, and the hours of its day, by their goldens alone.
+///
+/// # Errors
+/// As [`crate::check`].
+pub fn all(
+    scene: &Scene,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
+    let manifest = &scene.manifest;
+    let of_kind = |kind: ViewKind| manifest.views.iter().filter(move |v| v.kind == kind);
+    if of_kind(ViewKind::Perspective).next().is_some() {
+        let mut drawn = handover::scene(scene, ledger)?;
+        renderer.set_scene(&drawn).map_err(told)?;
+        for view in of_kind(ViewKind::Perspective) {
+            if let Some(wind) = &mut drawn.wind {
+                wind.time_s = manifest.time_of(view);
+                renderer.set_time(wind);
+            }
+            report.views.push(alone(manifest, view, renderer, options)?);
+        }
+        hours(scene, &drawn, renderer, options, ledger, report)?;
+    }
+    for view in of_kind(ViewKind::Card) {
+        let card = Card::new(scene, view, ledger)?;
+        renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
+        report.views.push(alone(manifest, view, renderer, options)?);
+    }
+    Ok(())
+}
+
+fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options) -> Result<ViewReport> {
+    let mut out = ViewReport {
+        name: view.name.clone(),
+        card: view.kind == ViewKind::Card,
+        scope: Scope::Golden,
+        ..ViewReport::default()
+    };
+    judge_view(manifest, view, renderer, options, &mut out)?;
+    out.passed = out.why.is_empty();
+    Ok(out)
+}
+
+/// Draws small the view that the renderer holds, and judges it by its golden where that applies.
+pub fn judge_view(
+    manifest: &Manifest,
+    view: &View,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    out: &mut ViewReport,
+) -> Result<()> {
+    if !options.goldens_only && !golden::applies(manifest) {
+        return Ok(());
+    }
+    let (w, h) = golden::size(manifest);
+    let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+    judge(manifest, &picture, options, out)
+}
+
+/// The hours of the scene's day as one more picture, where the scene has a day and a golden of it exists or will be
+/// written.
+pub fn hours(
+    scene: &Scene,
+    drawn: &gpu::scene::Scene,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
+    let manifest = &scene.manifest;
+    let wanted = options.update_golden || golden::path(manifest, HOURS).is_file();
+    if !(options.goldens_only || wanted && golden::applies(manifest)) {
+        return Ok(());
+    }
+    let (w, h) = golden::size(manifest);
+    if let Some(strip) = day::draw(scene, drawn, renderer, (w / 2, h / 2), ledger)? {
+        let mut out = ViewReport { name: HOURS.into(), scope: Scope::Golden, ..ViewReport::default() };
+        judge(manifest, &strip.picture, options, &mut out)?;
+        out.passed = out.why.is_empty();
+        report.views.push(out);
+    }
+    Ok(())
+}
+
+/// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone requires a
+/// golden that does not exist.
+fn judge(manifest: &Manifest, picture: &gpu::Picture, options: &Options, out: &mut ViewReport) -> Result<()> {
+    let path = golden::path(manifest, &out.name);
+    let (w, h) = (picture.width as usize, picture.height as usize);
+    image::write_png(&options.out.join(format!("{}-small.png", out.name)), w, h, picture.ldr.as_flattened())?;
+    if options.update_golden {
+        golden::write(&path, w, h, &picture.ldr)?;
+        progress::say(format!("wrote {}", path.display()));
+    } else if path.is_file() {
+        let seen = golden::compare(&path, picture, manifest.exposure)?;
+        out.golden = Some(seen.figures);
+        if let Some(why) = seen.figures.missed() {
+            let difference = options.out.join(format!("{}-small-difference.png", out.name));
+            image::write_png(&difference, w, h, &seen.difference)?;
+            out.why.push(format!(
+                "{why} from the golden {} (eightfold difference: {})",
+                path.display(),
+                difference.display()
+            ));
+        }
+    } else if options.goldens_only {
+        let scene = manifest.path.display();
+        let command = format!("`mesophyll check {scene} --goldens-only --update-golden`");
+        out.why.push(format!("there is no golden picture {}; {command} writes it", path.display()));
+    }
+    Ok(())
+}

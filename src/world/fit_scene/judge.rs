@@ -1,0 +1,196 @@
+//! What the record says of a fit: numbers with errors, how well they explain the pictures, and pictures of what is
+//! left.
+
+use crate::Result;
+use crate::covariance::{UNKNOWN, names, unit};
+use crate::numbers::Numbers;
+use crate::steps::{Compared, Found, WILD};
+use crate::taken::{By, Shot, Use};
+use mesophyll_base::solve::adequacy::chi2_score;
+use mesophyll_files::atomic;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_fits::record::fault::{Fault, Grade};
+use mesophyll_fits::record::{FitRecord, Param, Residuals, Section};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Pixels along the side of a block. A wrong model leaves residuals that neighbours share; noise does not.
+const BLOCK: usize = 8;
+/// χ² that lies this many standard deviations too high accuses the model.
+const SCORE: f64 = 3.3;
+/// A reduced χ² below this is no reason, however many readings there are: of what was fitted, and of what was held
+/// back, which the errors of the numbers spread too.
+const EXCESS: f64 = 1.05;
+const EXCESS_UNSEEN: f64 = 2.0;
+
+/// χ² of readings and of the means of blocks, and how many degrees of freedom each has.
+#[derive(Debug, Clone, Copy, Default)]
+struct Judged {
+    chi2: f64,
+    readings: usize,
+    blocks_chi2: f64,
+    blocks: usize,
+}
+
+impl Judged {
+    fn of<'a>(shots: &[Shot], compared: impl Iterator<Item = &'a Compared>) -> Judged {
+        let mut out = Judged::default();
+        let mut blocks: BTreeMap<[usize; 4], (f64, f64)> = BTreeMap::new();
+        for c in compared {
+            let [shot, k, channel] = c.at;
+            let width = shots[shot].size[0];
+            let block = blocks.entry([shot, k % width / BLOCK, k / width / BLOCK, channel]).or_default();
+            // A single path's light can be far from normal; it does not accuse the model alone.
+            let residual = c.residual.clamp(-WILD, WILD);
+            *block = (block.0 + residual, block.1 + 1.0);
+            out.chi2 += residual * residual;
+            out.readings += 1;
+        }
+        // The sum of n residuals of noise has the variance n.
+        for (sum, n) in blocks.values() {
+            out.blocks_chi2 += sum * sum / n;
+            out.blocks += 1;
+        }
+        out
+    }
+
+    /// By what standard errors are to be widened, where that is above 1, and whether the model is to be doubted.
+    fn excess(&self, numbers: usize, least: f64) -> (f64, bool) {
+        let of = |chi2: f64, count: usize| {
+            let freedom = count.saturating_sub(numbers).max(1) as f64;
+            (chi2 / freedom, chi2_score(chi2, freedom))
+        };
+        let all = [of(self.chi2, self.readings), of(self.blocks_chi2, self.blocks)];
+        let worst = all.iter().map(|a| a.0).fold(1.0, f64::max);
+        (worst, all.iter().any(|(reduced, score)| *score > SCORE && *reduced > least))
+    }
+}
+
+/// The section of a record: all numbers, and the verdicts.
+pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut FitRecord) -> Section {
+    let names = names(numbers);
+    let (values, units) = (numbers.values(), unit(numbers));
+    let fitted = Judged::of(shots, found.compared.iter().filter(|c| c.of == Use::Fitted));
+    let determined = found.undetermined.iter().filter(|why| why.is_none()).count();
+    // A whole picture is not predicted where anything is undetermined that it might show.
+    let predicted = |c: &&Compared| determined == names.len() || shots[c.at[0]].uses.contains(&Use::Fitted);
+    let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == Use::Held).filter(predicted));
+    let (excess, doubted) = fitted.excess(determined, EXCESS);
+    let (unseen, missed) = held.excess(0, EXCESS_UNSEEN);
+    // Where no number is determined, nothing is claimed that could be wrong.
+    let (doubted, missed) = (doubted && determined > 0, missed && determined > 0);
+    let wide = if doubted { excess.sqrt() } else { 1.0 };
+    if doubted || missed {
+        let worst = if doubted { excess } else { unseen };
+        record.faults.push(Fault {
+            name: "scene-model".into(),
+            grade: Grade::Wrong,
+            says: format!(
+                "the scene does not explain the pictures: what is left of them is {:.1} times what noise leaves (means \
+                 of {BLOCK} x {BLOCK} pixels, or of {BLOCK} directions); geometry, a camera, a light or something that \
+                 no unknown covers is not as stated, and the residual pictures show where",
+                worst.sqrt()
+            ),
+            ..Fault::default()
+        });
+    }
+    let mut section = Section::default();
+    for (k, name) in names.iter().enumerate() {
+        let loose = wide * found.covariance[(k, k)].sqrt() > UNKNOWN * units[k];
+        let loose = loose.then(|| "what the scene does not explain could be due to it".to_string());
+        let why = found.undetermined[k].clone().or(loose).map(|why| format!("{name}: {why}"));
+        let error = if why.is_some() { f64::INFINITY } else { found.covariance[(k, k)].sqrt() * wide };
+        section.params.insert(
+            name.clone(),
+            Param {
+                value: vec![values[k]],
+                stderr: vec![error],
+                undetermined: why.into_iter().collect(),
+                ..Param::default()
+            },
+        );
+    }
+    let known: Vec<usize> = (0..names.len()).filter(|k| found.undetermined[*k].is_none()).collect();
+    section.correlation_names = known.iter().map(|k| names[*k].clone()).collect();
+    let c = &found.covariance;
+    section.correlation = known
+        .iter()
+        .map(|i| known.iter().map(|j| (c[(*i, *j)] / (c[(*i, *i)] * c[(*j, *j)]).sqrt()).clamp(-1.0, 1.0)).collect())
+        .collect();
+    section.rank = Some(known.len());
+    let residuals = |judged: Judged, numbers: usize, of: Use| {
+        let freedom = judged.readings.saturating_sub(numbers).max(1) as f64;
+        let mine: Vec<&Compared> = found.compared.iter().filter(|c| c.of == of).filter(predicted).collect();
+        let square: f64 = mine.iter().map(|c| (c.residual * c.error).powi(2)).sum();
+        let worst = mine.iter().max_by(|a, b| a.residual.abs().total_cmp(&b.residual.abs()));
+        let at = worst.map_or([0, 0], |c| [c.at[1] % shots[c.at[0]].size[0], c.at[1] / shots[c.at[0]].size[0]]);
+        Residuals {
+            samples: judged.readings,
+            chi2: judged.chi2,
+            reduced_chi2: judged.chi2 / freedom,
+            rms: (square / mine.len().max(1) as f64).sqrt(),
+            worst: worst.map_or(0.0, |c| c.residual * c.residual),
+            worst_at: at,
+        }
+    };
+    section.residuals.insert("pictures".into(), residuals(fitted, determined, Use::Fitted));
+    if held.readings > 0 {
+        section.residuals.insert("held_out_pixels".into(), residuals(held, 0, Use::Held));
+    }
+    for (name, value) in [
+        ("own_noise_over_measured", found.own_noise),
+        ("blocks_reduced_chi2", fitted.blocks_chi2 / fitted.blocks.max(1) as f64),
+        ("held_out_blocks_reduced_chi2", held.blocks_chi2 / held.blocks.max(1) as f64),
+        ("errors_widened_by", wide),
+    ] {
+        section.figures.insert(name.into(), value);
+    }
+    section.counts.insert("wild_pixels".into(), found.wild);
+    section.counts.insert("saturated_pixels".into(), shots.iter().map(|s| s.saturated).sum());
+    section
+}
+
+/// Writes, for each table of reflectance factors, what the scene shows and what is left of the readings in standard
+/// errors. Returns the files' names.
+pub fn residual_tables(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<String>> {
+    let mut files = Vec::new();
+    for (s, shot) in shots.iter().enumerate() {
+        let By::Directions(toward) = &shot.by else { continue };
+        let mut rows = vec![[f64::NAN; 6]; toward.len()];
+        for c in found.compared.iter().filter(|c| c.at[0] == s) {
+            (rows[c.at[1]][c.at[2]], rows[c.at[1]][3 + c.at[2]]) = (c.shown, c.residual);
+        }
+        let mut text =
+            String::from("view_zenith_deg,view_azimuth_deg,brf_r,brf_g,brf_b,residual_r,residual_g,residual_b\n");
+        for (angles, row) in toward.iter().zip(rows) {
+            let cells = angles.iter().map(|a| format!("{:.4}", a.to_degrees())).chain(row.map(|v| format!("{v:.6}")));
+            text += &format!("{}\n", cells.collect::<Vec<_>>().join(","));
+        }
+        let file = format!("residual-{}.csv", shot.name);
+        atomic::write_bytes(&out.join(&file), text.as_bytes())?;
+        files.push(file);
+    }
+    Ok(files)
+}
+
+/// Writes, for each picture, what the scene shows (R, G, B) and what is left of the reading in standard errors
+/// (`residual.R`, …; not a number where a pixel does not count). Returns the files' names.
+pub fn residual_pictures(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<String>> {
+    let mut files = Vec::new();
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| matches!(shot.by, By::Camera(_))) {
+        let pixels = shot.seen.len();
+        let mut planes = vec![vec![f32::NAN; pixels]; 6];
+        for c in found.compared.iter().filter(|c| c.at[0] == s) {
+            let [_, k, channel] = c.at;
+            planes[channel][k] = c.shown as f32;
+            planes[3 + channel][k] = c.residual as f32;
+        }
+        let mut maps = Maps::new(shot.size[0], shot.size[1]);
+        let names = ["R", "G", "B", "residual.R", "residual.G", "residual.B"];
+        names.into_iter().zip(planes).for_each(|(name, plane)| maps.push(name, plane));
+        let file = format!("residual-{}.exr", shot.name);
+        write_exr(&out.join(&file), &maps, Packing::Zip)?;
+        files.push(file);
+    }
+    Ok(files)
+}

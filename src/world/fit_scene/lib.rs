@@ -1,0 +1,171 @@
+//! `fit scene`: what leaves, ground and light of a scene are, from pictures of it, by gradients through the path
+//! tracer.
+//!
+//! The scene states geometry, cameras and starting values; pictures are linear radiance. Light is followed through all
+//! scatterings between leaves, and each path carries the derivatives by the unknown numbers
+//! ([`mesophyll_transport::path::slopes`]). Standard errors hold the noise of the measurement and that of our own
+//! pictures. Readings that the fit did not see, and whole pictures that are kept from it, judge the result.
+
+#![warn(missing_docs)]
+// A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
+mod covariance;
+mod drawn;
+mod judge;
+pub mod made_up;
+mod numbers;
+mod scene_file;
+mod steps;
+mod taken;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use mesophyll_base::error::{Error, Result};
+use mesophyll_files::{atomic, hash, memory};
+use mesophyll_fits::record::maker::{self, Maker, Outcome};
+use mesophyll_fits::record::{FitKind, FitRecord, Section};
+use mesophyll_scene::draw::reference;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_transport::path::Canopy;
+use numbers::Numbers;
+use std::path::{Path, PathBuf};
+use taken::Shot;
+
+/// The options of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Most paths a pixel of a step's pictures.
+    pub samples: u32,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Fit again although the folder already holds this very fit.
+    pub force: bool,
+}
+
+/// How numbers are found. It changes when the same pictures give other numbers.
+const METHOD: &str = "three sets of paths a step; derivatives by the product rule";
+/// The scene with what was found, in the fit's folder.
+pub const SCENE: &str = "scene.toml";
+/// The steps, in the fit's folder.
+pub const TRACE: &str = "trace.csv";
+
+/// Finds the unknown numbers of `scene` and writes them into the folder `out`.
+///
+/// # Errors
+/// [`Error::Input`] for tables or pictures that cannot be used, before anything is drawn; [`Error::Interrupted`] after
+/// a stop; what [`maker::make`] gives.
+pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Result<Outcome> {
+    let manifest = &scene.manifest;
+    manifest.require_pictures()?;
+    let shots = taken::read(manifest)?;
+    let world = reference::traced(scene, manifest.rest_time(), ledger)?;
+    if !manifest.factors.is_empty() {
+        Canopy::new(&world, options.seed).map_err(|what| Error::input(&manifest.path, what))?;
+        let dark = world.sun.as_ref().is_none_or(|sun| sun.irradiance.iter().any(|e| !(*e > 0.0)));
+        if dark {
+            let what = "found a channel with 0, expected a sun that shines in all three, as reflectance factors need";
+            return Err(Error::field(&manifest.path, "sun.irradiance", what));
+        }
+    }
+    let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
+    groups.sort();
+    groups.dedup();
+    let numbers = Numbers::new(scene, world, &groups)?;
+    // Two pictures of all derivatives, the same as a list, and the readings.
+    let pixels: usize = shots.iter().map(|shot| shot.seen.len()).sum();
+    let bytes = pixels as u64 * (120 * numbers.list.len() as u64 + 400);
+    memory::require(
+        bytes,
+        &format!("{pixels} pixels with {} unknowns (smaller pictures need less)", numbers.list.len()),
+    )?;
+    let hash = input_hash(manifest, options)?;
+    let (manifest, options) = (manifest.clone(), *options);
+    let read = manifest.taken.iter().map(|t| &t.file).chain(manifest.factors.iter().map(|f| &f.file));
+    let inputs: Vec<PathBuf> =
+        std::iter::once(manifest.path.clone()).chain(read.map(|file| manifest.resolve(file))).collect();
+    let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+    maker::make(FitKind::Scene, out, &inputs, move |maker| fit(&manifest, numbers, shots, &hash, &options, maker))
+}
+
+fn fit(
+    manifest: &Manifest,
+    mut numbers: Numbers,
+    mut shots: Vec<Shot>,
+    hash: &str,
+    options: &Options,
+    maker: &mut Maker,
+) -> Result<Outcome> {
+    if let Some(found) = maker.up_to_date(hash.to_string(), options.force)? {
+        return Ok(found);
+    }
+    let found = maker.phase("steps", || steps::find(&mut numbers, &mut shots, options))?;
+    let mut record = maker.record(&manifest.name);
+    record.termination = Some(found.termination);
+    let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
+    say("paths", format!("{} a pixel in the last pictures", found.paths));
+    say("seed", options.seed.to_string());
+    say("pictures", shots.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", "));
+    let section = judge::section(&numbers, &shots, &found, &mut record);
+    record.sections.insert("all".into(), section);
+    maker.times.traces.insert("steps".into(), found.trace.clone());
+    let out = maker.begin()?.to_path_buf();
+    let mut files = judge::residual_pictures(&shots, &found, &out)?;
+    files.extend(judge::residual_tables(&shots, &found, &out)?);
+    atomic::write_bytes(&out.join(SCENE), scene_file::found(manifest, &numbers, &out)?.as_bytes())?;
+    files.push(SCENE.into());
+    let mut text = String::from("step,seconds,half_chi2,step_in_standard_errors\n");
+    for row in &found.trace {
+        text += &format!("{},{:.3},{:.6e},{:.4}\n", row.iteration + 1, row.elapsed_s, row.cost, row.step);
+    }
+    atomic::write_bytes(&out.join(TRACE), text.as_bytes())?;
+    for file in files {
+        record.files.insert(file.clone(), hash::file(&out.join(file))?);
+    }
+    maker.finish(&record)?;
+    Ok(Outcome::Done(Box::new(record)))
+}
+
+/// The hash of everything that decides a fit: the scene's text, and every file that it names.
+fn input_hash(manifest: &Manifest, options: &Options) -> Result<String> {
+    let mut told = format!("{} {}", options.samples, options.seed);
+    for file in scene_file::named(manifest)? {
+        // Of a folder, such as a fit, the record says what is in it.
+        let file = if file.is_dir() { file.join(mesophyll_fits::record::RECORD) } else { file };
+        if file.is_file() {
+            told += &format!(" {}", hash::file(&file)?);
+        }
+    }
+    let scene = mesophyll_files::whole::text(&manifest.path)?;
+    Ok(maker::input_hash([("method", METHOD), ("scene", scene.as_str()), ("files", told.as_str())]))
+}
+
+/// A summary of a fit for people: each number with its error.
+pub fn summary(record: &FitRecord) -> String {
+    let mut text = String::new();
+    let none = Section::default();
+    let section = record.sections.get("all").unwrap_or(&none);
+    for (name, param) in &section.params {
+        let (value, error) = (param.value.first().copied().unwrap_or(f64::NAN), param.stderr.first());
+        text += &match (param.undetermined.first(), error) {
+            (Some(why), _) => {
+                format!("{name}: undetermined, {}\n", why.rsplit_once(": ").map_or(why.as_str(), |w| w.1))
+            }
+            (None, error) => {
+                let error = error.copied().unwrap_or(0.0);
+                // Two digits of the error.
+                let places = (1 - error.max(1e-9).log10().floor() as i32).clamp(0, 10) as usize;
+                format!("{name} = {value:.places$} ± {error:.places$}\n")
+            }
+        };
+    }
+    for (what, count) in section.counts.iter().filter(|(_, count)| **count > 0) {
+        text += &format!("{count} {} left out\n", what.replace('_', " "));
+    }
+    for (what, residuals) in &section.residuals {
+        text += &format!("{what}: {} readings, reduced χ² {:.4}\n", residuals.samples, residuals.reduced_chi2);
+    }
+    text
+}

@@ -1,0 +1,108 @@
+//! The scene with what was found, as a file that other verbs take.
+
+use crate::numbers::{Kind, Numbers};
+use crate::{Error, Result};
+use mesophyll_files::whole;
+use mesophyll_scene::manifest::Manifest;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// The text of the scene with the present numbers in the place of its own. Names of files that exist become whole
+/// paths, because the new file lies in another folder. What was measured and what was unknown is left out.
+///
+/// # Errors
+/// A scene file that can no longer be read.
+pub fn found(manifest: &Manifest, numbers: &Numbers, out: &Path) -> Result<String> {
+    let text = whole::text(&manifest.path)?;
+    let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
+    ["picture", "unknown", "brf"].iter().for_each(|key| drop(table.remove(*key)));
+    let index = |k: usize| numbers.leaf_name(k);
+    for q in &numbers.list {
+        let numbers = Value::Array(q.at.iter().map(|v| Value::Float(*v)).collect());
+        match &q.kind {
+            Kind::RhoD(leaf, back) => {
+                if let Some(Value::Array(both)) = uniform(&mut table, &index(*leaf)).and_then(|u| u.get_mut("rho_d"))
+                    && let Some(side) = both.get_mut(usize::from(*back))
+                {
+                    *side = numbers;
+                }
+            }
+            Kind::RhoDBoth(leaf) => {
+                let both = Value::Array(vec![numbers.clone(), numbers]);
+                set(uniform(&mut table, &index(*leaf)), "rho_d", both);
+            }
+            Kind::RhoT(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_t", numbers),
+            Kind::RhoS(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_s", numbers),
+            Kind::Slope(leaf) => set(uniform(&mut table, &index(*leaf)), "m", Value::Float(q.at[0])),
+            Kind::Ground(_) => set(table.get_mut("ground").and_then(Value::as_table_mut), "albedo", numbers),
+            Kind::Sun => set(table.get_mut("sun").and_then(Value::as_table_mut), "irradiance", numbers),
+            Kind::Turbidity => {
+                set(table.get_mut("sky").and_then(Value::as_table_mut), "turbidity", Value::Float(q.at[0]));
+            }
+            Kind::SkyScale => {
+                let sky = table.get_mut("sky").and_then(Value::as_table_mut);
+                if let Some(sky) = sky {
+                    match sky.get_mut("radiance").and_then(Value::as_array_mut) {
+                        Some(radiance) => radiance.iter_mut().for_each(|v| {
+                            let own = v.as_float().or_else(|| v.as_integer().map(|i| i as f64)).unwrap_or(0.0);
+                            *v = Value::Float(own * q.at[0]);
+                        }),
+                        None => drop(sky.insert("scale".into(), Value::Float(q.at[0]))),
+                    }
+                }
+            }
+            Kind::Exposure(_) => {}
+        }
+    }
+    table.iter_mut().for_each(|(key, value)| {
+        files(manifest, key, value, &mut |text, path| {
+            *text = std::path::absolute(path).unwrap_or(path.to_path_buf()).display().to_string();
+        })
+    });
+    let text = toml::to_string(&table).map_err(|e| Error::write(out, e))?;
+    Ok(format!("# {} with what `mesophyll fit scene` found in its pictures.\n{text}", manifest.name))
+}
+
+fn set(table: Option<&mut Table>, key: &str, value: Value) {
+    if let Some(table) = table {
+        table.insert(key.into(), value);
+    }
+}
+
+/// The `uniform` of the leaf with this name.
+fn uniform<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Table> {
+    let leaves = table.get_mut("leaf")?.as_array_mut()?;
+    let own = |leaf: &&mut Table| leaf.get("name").and_then(Value::as_str) == Some(name);
+    leaves.iter_mut().filter_map(Value::as_table_mut).find(own)?.get_mut("uniform")?.as_table_mut()
+}
+
+/// Fields whose text is a file or a folder even where it could be a name.
+const FILES: [&str; 9] = ["mesh", "positions", "discs", "environment", "grow", "file", "mask", "fit", "capture"];
+
+/// Every file and folder that a scene names.
+///
+/// # Errors
+/// A scene file that can no longer be read.
+pub fn named(manifest: &Manifest) -> Result<Vec<PathBuf>> {
+    let text = whole::text(&manifest.path)?;
+    let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
+    let mut out = Vec::new();
+    table.iter_mut().for_each(|(key, value)| files(manifest, key, value, &mut |_, path| out.push(path.to_path_buf())));
+    Ok(out)
+}
+
+/// Calls `f` with every text that names an existing file or folder beside the scene, and with that.
+fn files(manifest: &Manifest, key: &str, value: &mut Value, f: &mut impl FnMut(&mut String, &Path)) {
+    match value {
+        // Names have neither dots nor slashes.
+        Value::String(text) if FILES.contains(&key) || text.contains(['.', '/']) => {
+            let path = manifest.resolve(Path::new(text.as_str()));
+            if path.exists() {
+                f(text, &path);
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(|v| files(manifest, key, v, f)),
+        Value::Table(table) => table.iter_mut().for_each(|(key, v)| files(manifest, key, v, f)),
+        _ => {}
+    }
+}

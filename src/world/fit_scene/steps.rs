@@ -1,0 +1,390 @@
+//! Steps towards the numbers that explain the pictures.
+//!
+//! Pictures and derivatives are noisy. If both came from the same paths, their product would be biased, and so would
+//! the product of two derivatives. So residuals come from one set of paths, derivatives from two others (J₁ and J₂):
+//!
+//! ```text
+//! g = (J₁ + J₂)ᵀ W r / 2        N = (J₁ᵀ W J₂ + J₂ᵀ W J₁) / 2        step = N⁻¹ g
+//! ```
+//! W is the inverse of the measurement's variance and the picture's own together, both by the paths of the derivatives:
+//! by those of the residuals, weights would be large where the picture happens to be dark. Once steps are no larger
+//! than noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
+
+use crate::covariance::{covariance, unit};
+use crate::drawn::{draw, exposure, exposure_of, is_fitted, rounds, variances};
+use crate::numbers::{Kind, Numbers};
+use crate::taken::{Shot, Use};
+use crate::{Options, Result};
+use mesophyll_base::solve::decompose::symmetric_eigen;
+use mesophyll_base::solve::{Termination, TraceRow};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_transport::path::slopes::{Of, Sheet};
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+/// Paths a pixel of the first step.
+const PATHS: u32 = 16;
+/// Most steps.
+const STEPS: usize = 24;
+/// The pictures' own noise is to be at most this share of the measurement's.
+const OWN: f64 = 1.0 / 3.0;
+/// Two estimates from paths of their own differ by twice their variance; a mean square of steps over variances up to
+/// this is no more than that.
+const NOISE_ALONE: f64 = 3.0;
+/// Paths grow by this factor at most from one step to the next.
+const GROWTH: f64 = 16.0;
+/// After so many steps that are larger than noise makes them, four times as many paths are followed.
+const PATIENCE: usize = 4;
+/// Readings farther from the picture than this many times the typical residual count less (Huber 1964): a path's light
+/// has no normal distribution, and rare bright paths would pull at the numbers.
+const TYPICAL: f64 = 4.0;
+/// The largest relative step after which derivatives are those of before.
+const NEAR: f64 = 0.02;
+/// Readings farther from the picture than this many standard errors are wild, where they are few.
+pub const WILD: f64 = 6.0;
+/// The largest share of wild pixels, and how many may stand together with their neighbours; more of them are a wrong
+/// model.
+const FEW: f64 = 0.05;
+const ALONE: usize = 2;
+
+/// One reading, compared with the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Compared {
+    /// Index of the picture, of its pixel, and the channel.
+    pub at: [usize; 3],
+    /// Reading less picture, over the standard error of both.
+    pub residual: f64,
+    /// That standard error.
+    pub error: f64,
+    /// The picture's own noise over the measurement's.
+    pub own: f64,
+    /// What the picture shows.
+    pub shown: f64,
+    /// What the reading is used for.
+    pub of: Use,
+}
+
+/// The end of the search.
+pub struct Found {
+    /// Covariance of the numbers, of those that are determined; infinite on the diagonal of others.
+    pub covariance: DMatrix<f64>,
+    /// Why each number is not determined.
+    pub undetermined: Vec<Option<String>>,
+    /// Readings compared with the last step's pictures, moved by that step, and held-out pictures with their own.
+    pub compared: Vec<Compared>,
+    /// Why the search ended.
+    pub termination: Termination,
+    /// One row a step.
+    pub trace: Vec<TraceRow>,
+    /// Paths a pixel of the last pictures.
+    pub paths: u32,
+    /// Median of the pictures' own noise over the measurement's.
+    pub own_noise: f64,
+    /// Number of wild pixels that were left out.
+    pub wild: usize,
+}
+
+/// What a step is made of.
+struct Normal {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+    chi2: f64,
+    count: usize,
+    /// Median of own noise over the measurement's.
+    own: f64,
+    /// Every reading of the pictures that were drawn.
+    compared: Vec<Compared>,
+    /// How what is shown depends on the numbers: a reading, a number, the derivative.
+    slopes: Vec<(usize, usize, f64)>,
+}
+
+impl Normal {
+    /// The readings compared with what would be shown after a step.
+    fn after(mut self, step: &[f64]) -> Vec<Compared> {
+        for (k, number, slope) in self.slopes {
+            let more = slope * step[number];
+            let reading = &mut self.compared[k];
+            reading.shown += more;
+            reading.residual -= more / reading.error;
+        }
+        self.compared
+    }
+}
+
+/// Finds the numbers.
+///
+/// # Errors
+/// A stop that was asked for, and those of the scene's light.
+pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Result<Found> {
+    let clock = Instant::now();
+    let (_, n) = numbers.places();
+    let bar = Bar::of("steps");
+    let (mut paths, mut seed, mut trace) = (PATHS.min(options.samples), options.seed, Vec::new());
+    let (mut termination, mut wild) = (Termination::IterationLimit, None);
+    let (mut last, mut since, mut stepped) = (None, 0, Vec::new());
+    for iteration in 0..STEPS {
+        progress::go_on()?;
+        let normal = normal(numbers, shots, paths, seed)?;
+        seed += 3;
+        let (step, stderr) = step(numbers, &normal);
+        let before = numbers.values();
+        let after = moved(numbers, &before, &step);
+        numbers.set(&after);
+        stepped = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+        let shares: Vec<f64> = (0..n).map(|k| (after[k] - before[k]) / stderr[k]).filter(|s| s.is_finite()).collect();
+        let square = shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64;
+        trace.push(TraceRow {
+            iteration,
+            evaluations: 3 * (iteration + 1),
+            elapsed_s: clock.elapsed().as_secs_f64(),
+            cost: 0.5 * normal.chi2,
+            gradient: normal.gradient.amax(),
+            step: square.sqrt(),
+            truth_error: None,
+        });
+        progress::say(format_args!(
+            "step {}: χ² {:.4} a reading, {paths} paths a pixel, {:.2} standard errors",
+            iteration + 1,
+            normal.chi2 / normal.count.max(1) as f64,
+            square.sqrt()
+        ));
+        bar.advance(1);
+        let own = normal.own;
+        last = Some(normal);
+        // A step that changes little changes the derivatives by as little.
+        let unit = unit(numbers);
+        let near = (0..n).all(|k| (after[k] - before[k]).abs() <= NEAR * unit[k].min(before[k].abs().max(0.02)));
+        let enough = own <= 1.1 * OWN || paths >= options.samples;
+        since += 1;
+        if square > NOISE_ALONE && !(near && enough && wild.is_some()) {
+            if since >= PATIENCE && !enough {
+                (paths, since) = (paths.saturating_mul(4).min(options.samples), 0);
+            }
+            continue;
+        }
+        since = 0;
+        if wild.is_none() {
+            // Near the end, readings that nothing explains are left out once.
+            wild = last.as_ref().map(|normal| leave_out(shots, &normal.compared));
+        } else if enough {
+            termination = Termination::StepSmall;
+            break;
+        }
+        let wanted = f64::from(paths) * (own / OWN).powi(2).clamp(1.0, GROWTH);
+        paths = (wanted / 16.0).ceil().min(f64::from(u32::MAX / 16)) as u32 * 16;
+        paths = paths.min(options.samples);
+    }
+    let Some(normal) = last else { return Err(crate::Error::Missed("no step was made".into())) };
+    // The last step was so small that its own pictures, moved by the derivatives, judge the numbers. Pictures that were
+    // kept from the fit are drawn now.
+    let mut compared = held_out(numbers, shots, paths, seed + 5)?;
+    let (covariance, undetermined) = covariance(numbers, &normal.matrix);
+    let wild = wild.unwrap_or(0);
+    let own_noise = normal.own;
+    compared.extend(normal.after(&stepped));
+    Ok(Found { covariance, undetermined, compared, termination, trace, paths, own_noise, wild })
+}
+
+fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<Normal> {
+    let (first, n) = numbers.places();
+    let slopes = numbers.slopes()?;
+    let of: Vec<Of> = slopes.iter().map(|(_, of)| of.clone()).collect();
+    let [rounds, each] = rounds(paths);
+    let (a, one, two) = (
+        draw(numbers, shots, is_fitted, &[], [2 * rounds, each], seed)?,
+        draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 1)?,
+        draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 2)?,
+    );
+    let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
+    let fitted = || compared.iter().filter(|c| c.of == Use::Fitted);
+    let (chi2, count) = (fitted().map(|c| c.residual * c.residual).sum(), fitted().count());
+    let own = median(fitted().map(|c| c.own).collect()).unwrap_or(0.0);
+    // The median over that of a normal distribution.
+    let typical = median(compared.iter().map(|c| c.residual.abs()).collect()).unwrap_or(0.0) / 0.674_5;
+    let limit = TYPICAL * typical.max(1.0);
+    let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
+    let mut by = Vec::new();
+    for (place, reading) in compared.iter().enumerate() {
+        let ([s, k, c], shot) = (reading.at, &shots[reading.at[0]]);
+        let factor = exposure(numbers, shot);
+        row.clear();
+        for (j, (q, _)) in slopes.iter().enumerate() {
+            let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
+            let slope = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
+            let (p, q) = (slope(&one[s]), slope(&two[s]));
+            if p != 0.0 || q != 0.0 {
+                row.push((number, p, q));
+            }
+        }
+        if let Some(q) = exposure_of(numbers, shot) {
+            row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
+        }
+        by.extend(row.iter().map(|(number, p, q)| (place, *number, 0.5 * (p + q))));
+        if reading.of != Use::Fitted {
+            continue;
+        }
+        let weight = (limit / reading.residual.abs()).min(1.0) / (reading.error * reading.error);
+        for (i, p, q) in &row {
+            gradient[*i] += 0.5 * (p + q) * weight * reading.residual * reading.error;
+            for (j, u, v) in &row {
+                matrix[(*i, *j)] += 0.5 * weight * (p * v + q * u);
+            }
+        }
+    }
+    Ok(Normal { matrix, gradient, chi2, count, own, compared, slopes: by })
+}
+
+fn median(mut all: Vec<f64>) -> Option<f64> {
+    let middle = all.len() / 2;
+    (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the
+/// variances.
+fn compared(
+    numbers: &Numbers,
+    shots: &[Shot],
+    wanted: impl Fn(&Shot) -> bool,
+    shown: &[Sheet],
+    [one, two]: [&[Sheet]; 2],
+    rounds: u32,
+) -> Vec<Compared> {
+    let mut out = Vec::new();
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| wanted(shot)) {
+        let factor = exposure(numbers, shot);
+        let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
+        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
+            let [measured, own] = variances[k];
+            for c in 0..3 {
+                let (error, shown) = ((measured[c] + own[c]).sqrt(), factor * shown[s].mean[k][c]);
+                let residual = (shot.seen[k][c] - shown) / error;
+                // Where nothing is seen, nothing is learnt.
+                if residual.is_finite() && (shot.seen[k][c] != 0.0 || shown != 0.0) {
+                    let own = (own[c] / measured[c]).sqrt();
+                    out.push(Compared { at: [s, k, c], residual, error, own, shown, of: shot.uses[k] });
+                }
+            }
+        }
+    }
+    out
+}
+
+/// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows
+/// where it is. Where ρd and ρt would be more than 1 together, their sum is held there, and all other numbers follow.
+fn step(numbers: &Numbers, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
+    let (unit, before) = (unit(numbers), numbers.values());
+    let (mut matrix, mut gradient) = (normal.matrix.clone(), normal.gradient.clone());
+    (0..unit.len()).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
+    let mut held = BTreeSet::new();
+    loop {
+        let (step, stderr) = solved(&matrix, &gradient, &unit);
+        let over = |pair: &&[usize; 2]| pair.iter().map(|k| before[*k] + step[*k]).sum::<f64>() > 1.0 + 1e-9;
+        let sides = sums(numbers);
+        let new: Vec<[usize; 2]> = sides.iter().filter(|pair| !held.contains(*pair)).filter(over).copied().collect();
+        if new.is_empty() {
+            return (step, stderr);
+        }
+        for [d, t] in new {
+            let weight = 1e4 * matrix[(d, d)].max(matrix[(t, t)]);
+            for i in [d, t] {
+                gradient[i] += weight * (1.0 - before[d] - before[t]);
+                [d, t].into_iter().for_each(|j| matrix[(i, j)] += weight);
+            }
+            held.insert([d, t]);
+        }
+    }
+}
+
+/// The solution of the normal equations, and its standard errors.
+fn solved(matrix: &DMatrix<f64>, gradient: &DVector<f64>, unit: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let n = unit.len();
+    let scale: Vec<f64> = (0..n).map(|k| 1.0 / matrix[(k, k)].max(1.0 / (unit[k] * unit[k])).sqrt()).collect();
+    let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (matrix[(i, j)] + matrix[(j, i)]) * scale[i] * scale[j]);
+    let Some(eigen) = symmetric_eigen(scaled) else { return (vec![0.0; n], vec![f64::INFINITY; n]) };
+    let right = DVector::from_fn(n, |k, _| gradient[k] * scale[k]);
+    let mut out = DVector::zeros(n);
+    let mut variance = vec![0.0; n];
+    for (k, value) in eigen.eigenvalues.iter().enumerate() {
+        // While noise is large, a direction's curvature may come out negative; nothing is known of it then.
+        if *value > 1e-9 {
+            let v = eigen.eigenvectors.column(k);
+            out += v * (v.dot(&right) / value);
+            (0..n).for_each(|j| variance[j] += v[j] * v[j] / value);
+        }
+    }
+    let stderr = (0..n).map(|k| (variance[k]).sqrt() * scale[k]).collect();
+    ((0..n).map(|k| out[k] * scale[k]).collect(), stderr)
+}
+
+/// The numbers after a step, shortened where they would leave their limits or change much at once.
+fn moved(numbers: &Numbers, before: &[f64], step: &[f64]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(before.len());
+    for q in &numbers.list {
+        for channel in 0..q.at.len() {
+            let k = out.len();
+            let most = if q.is_factor() { 0.6 * before[k].abs() } else { 0.3 };
+            out.push((before[k] + step[k].clamp(-most, most)).clamp(q.low, q.high[channel]));
+        }
+    }
+    keep_energy(numbers, &mut out);
+    out
+}
+
+/// Places of ρd and ρt of each side and channel where both are unknown.
+fn sums(numbers: &Numbers) -> Vec<[usize; 2]> {
+    let (first, _) = numbers.places();
+    let all = || numbers.list.iter().zip(&first);
+    let through = |leaf: usize| all().find(|(q, _)| q.kind == Kind::RhoT(leaf)).map(|(_, first)| *first);
+    all()
+        .filter_map(|(q, first)| match q.kind {
+            Kind::RhoD(leaf, _) | Kind::RhoDBoth(leaf) => Some((*first, through(leaf)?)),
+            _ => None,
+        })
+        .flat_map(|(d, t)| [0, 1, 2].map(|c| [d + c, t + c]))
+        .collect()
+}
+
+/// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
+fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
+    for [d, t] in sums(numbers) {
+        let sum = values[d] + values[t];
+        if sum > 1.0 {
+            (values[d], values[t]) = (values[d] / sum, values[t] / sum);
+        }
+    }
+}
+
+/// The readings of pictures that are kept from the fit as a whole.
+fn held_out(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<Vec<Compared>> {
+    let all = |shot: &Shot| !is_fitted(shot);
+    let [rounds, each] = rounds(paths);
+    let shown = draw(numbers, shots, all, &[], [2 * rounds, each], seed)?;
+    let one = draw(numbers, shots, all, &[], [rounds, each], seed + 7)?;
+    let two = draw(numbers, shots, all, &[], [rounds, each], seed + 8)?;
+    Ok(compared(numbers, shots, all, &shown, [&one, &two], rounds))
+}
+
+/// Marks pixels with wild readings, where they are few and stand alone, and returns how many these are. What neighbours
+/// share is no accident of a pixel.
+fn leave_out(shots: &mut [Shot], compared: &[Compared]) -> usize {
+    let far: BTreeSet<[usize; 2]> =
+        compared.iter().filter(|c| c.residual.abs() > WILD).map(|c| [c.at[0], c.at[1]]).collect();
+    let alone = |at: &&[usize; 2]| {
+        let [s, k] = **at;
+        let w = shots[s].size[0] as isize;
+        let (x, y) = (k as isize % w, k as isize / w);
+        let beside = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j)));
+        let inside = beside.filter(|(i, j)| (0..w).contains(i) && *j >= 0);
+        inside.filter(|(i, j)| far.contains(&[s, (j * w + i) as usize])).count() <= ALONE
+    };
+    let wild: Vec<[usize; 2]> = far.iter().filter(alone).copied().collect();
+    let wild: Vec<[usize; 2]> = wild.into_iter().filter(|[s, k]| shots[*s].uses[*k] != Use::Out).collect();
+    let all = shots.iter().flat_map(|s| &s.uses).filter(|of| **of != Use::Out).count();
+    if wild.len() as f64 > FEW * all as f64 {
+        return 0;
+    }
+    wild.iter().for_each(|[s, k]| shots[*s].uses[*k] = Use::Wild);
+    wild.len()
+}

@@ -1,0 +1,210 @@
+//! Cards: a flat patch with one leaf's mean parameters, under the scene's light. Its radiance is known in closed form,
+//! so that both renderers can be compared with a result that neither of them computed.
+
+use super::reference;
+use crate::loaded::Scene;
+use crate::manifest::{Manifest, View};
+use crate::placed::fits::reads;
+use crate::placed::ledger::Ledger;
+use crate::placed::placement;
+use crate::{Error, Result};
+use glam::{DMat4, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_fits::leaf_folder::{File, LeafFit};
+use mesophyll_optics::side::Side;
+use mesophyll_optics::slab;
+use mesophyll_optics::slab::chebyshev::Chebyshev;
+use mesophyll_transport::{self as transport, closed_form};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// One side's mean parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Patch {
+    /// γ, the factor on the slab's reflectance (Wang et al. 2005), for each channel.
+    pub gamma: [f64; 3],
+    /// Mean thickness (mm).
+    pub thickness: f64,
+    /// Absorption coefficient of the slab (1/mm).
+    pub sigma_a: [f64; 3],
+    /// Scattering coefficient of the slab (1/mm).
+    pub sigma_s: [f64; 3],
+    /// Specular reflectance of each channel.
+    pub rho_s: [f64; 3],
+    /// Roughness m: root mean square slope.
+    pub m: f64,
+    /// Diffuse reflectance: γ times that of the slab.
+    pub rho_d: [f64; 3],
+    /// Diffuse transmittance of each channel.
+    pub rho_t: [f64; 3],
+}
+
+/// A flat patch with one leaf's mean parameters, whose radiance is known in closed form.
+#[derive(Debug, Clone)]
+pub struct Card {
+    /// Index into the manifest's leaves.
+    pub leaf: usize,
+    /// The patch.
+    pub mesh: LeafMesh,
+    /// The transform from the patch to the world.
+    pub transform: DMat4,
+    /// Parameters of the front and of the back, where the fit has them.
+    pub sides: [Option<Patch>; 2],
+    /// Whether the plan gives each side to the renderer. The closed form and the reference use both sides.
+    pub planned: [bool; 2],
+}
+
+impl Card {
+    /// The card of a view, from the maps of the plan's fit.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the leaf is not fitted or a map cannot be read.
+    pub fn new(scene: &Scene, view: &View, ledger: &Ledger) -> Result<Card> {
+        let name = view.leaf.as_deref().unwrap_or_default();
+        let leaf = scene.leaves().find(|l| l.config.name == name);
+        let Some((leaf, fitted)) = leaf.and_then(|l| l.placed.fitted.as_ref().map(|f| (l, f))) else {
+            return Err(Error::field(
+                &scene.manifest.path,
+                &format!("leaf \"{name}\""),
+                "not fitted yet; `mesophyll run` fits it",
+            ));
+        };
+        let mut sides = [None, None];
+        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+            sides[s] = Some(patch(fitted, side, ledger)?);
+        }
+        let (eye, target) =
+            (DVec3::from(view.eye_mm.unwrap_or_default()), DVec3::from(view.target_mm.unwrap_or_default()));
+        let turn = placement::rotation(view.rotation_deg.unwrap_or_default());
+        // The patch fills the picture at the angle at which it is seen.
+        let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
+        let side = 4.0 * eye.distance(target) * (view.fov_deg.unwrap_or(30.0).to_radians() / 2.0).tan() / slant;
+        Ok(Card {
+            leaf: leaf.placed.index,
+            mesh: LeafMesh::rectangle(side, side),
+            transform: DMat4::from_rotation_translation(turn, target),
+            sides,
+            planned: [0, 1].map(|s| leaf.plan.sides[s].mean),
+        })
+    }
+
+    /// Radiance at the centres of these pixels, in closed form.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the card is seen from a side that the fit does not have.
+    pub fn closed_form(
+        &self,
+        manifest: &Manifest,
+        view: &View,
+        size: (usize, usize),
+        pixels: &[(usize, usize)],
+    ) -> Result<Vec<[f64; 3]>> {
+        let config = &manifest.leaves[self.leaf];
+        let normal = self.transform.transform_vector3(DVec3::Z).normalize();
+        let towards = DVec3::from(view.eye_mm.unwrap_or_default()) - self.transform.transform_point3(DVec3::ZERO);
+        let front = normal.dot(towards) >= 0.0;
+        let (seen, far) = if front { (0, 1) } else { (1, 0) };
+        let side = self.sides[seen].as_ref().ok_or_else(|| {
+            Error::field(
+                &manifest.path,
+                &format!("view \"{}\"", view.name),
+                "it shows a side of the leaf that the fit does not have",
+            )
+        })?;
+        let card = closed_form::Card {
+            rho_d: side.rho_d,
+            rho_s: side.rho_s,
+            m: side.m,
+            lobe: config.lobe(),
+            rho_t_far: self.sides[far].as_ref().map_or([0.0; 3], |p| p.rho_t),
+            normal: if front { normal } else { -normal },
+        };
+        let camera = reference::camera(view);
+        let lights = reference::lights(manifest)?;
+        let (sun, sky) = (lights.sun.as_ref(), lights.sky);
+        let Some(dome) = &lights.dome else {
+            return pixels.iter().map(|&pixel| card.pixel(&camera, size, pixel, sun, sky)).collect();
+        };
+        let radiance = |d: DVec3| (dome.radiance)(d);
+        let (near, beyond) =
+            (closed_form::irradiance(&radiance, card.normal), closed_form::irradiance(&radiance, -card.normal));
+        let lens = transport::render::Lens::new(&camera, size.0, size.1)?;
+        Ok(pixels
+            .par_iter()
+            .map(|&(x, y)| {
+                let view = -lens.ray(x as f64 + 0.5, y as f64 + 0.5).direction;
+                let (direct, around) = (card.radiance(view, sun, None), card.under_dome(view, near, beyond, &radiance));
+                [0, 1, 2].map(|c| direct[c] + around[c])
+            })
+            .collect())
+    }
+}
+
+/// Means over the good texels of `{side}.exr`.
+fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Patch> {
+    let path = fitted.path(File::Maps, side);
+    let maps = reads::maps(fitted, side, ledger)?;
+    let quantities = [Quantity::Mask, Quantity::Gamma, Quantity::Thickness, Quantity::RhoS, Quantity::M];
+    let planes = maps.require_planes(&path, &quantities)?;
+    let good: Vec<usize> = (0..maps.width * maps.height)
+        .filter(|&k| planes[0][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
+        .collect();
+    if good.is_empty() {
+        return Err(Error::field(&path, &Quantity::Mask.channel(0), "found no good texel, expected some on the leaf"));
+    }
+    let mean = |c: usize| good.iter().map(|&k| f64::from(planes[c][k])).sum::<f64>() / good.len() as f64;
+    let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
+    let (gamma, thickness) = ([mean(1), mean(2), mean(3)], mean(4));
+    let at = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], thickness));
+    Ok(Patch {
+        gamma,
+        thickness,
+        sigma_a,
+        sigma_s,
+        rho_s: [mean(5), mean(6), mean(7)],
+        m: mean(8),
+        rho_d: [0, 1, 2].map(|c| gamma[c] * at[c].rho_d),
+        rho_t: at.map(|r| r.rho_t),
+    })
+}
+
+/// The world of a card for the reference renderer.
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
+    let texel = |v: f64| vec![v as f32];
+    let side = |p: &Option<Patch>| match p {
+        None => reference::black(1),
+        Some(p) => transport::ReferenceSide {
+            interior: transport::Interior::Scalars {
+                gamma: p.gamma.map(texel),
+                thickness: texel(p.thickness),
+                curve: {
+                    let curve = Chebyshev::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
+                    Arc::new(move |h| curve.at(h))
+                },
+            },
+            gloss: p
+                .rho_s
+                .iter()
+                .any(|v| *v > 0.0)
+                .then(|| transport::Gloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),
+            normal: None,
+        },
+    };
+    let leaf = transport::ReferenceLeaf {
+        mesh: reference::mesh(&card.mesh),
+        width: 1,
+        height: 1,
+        front: side(&card.sides[0]),
+        back: side(&card.sides[1]),
+        mask: None,
+        lobe: manifest.leaves[card.leaf].lobe(),
+    };
+    let mut world = reference::lights(manifest)?;
+    world.leaves = vec![leaf];
+    world.instances = vec![transport::Placement { leaf: 0, transform: card.transform }];
+    Ok(world)
+}

@@ -1,0 +1,359 @@
+//! Hands a scene to the GPU renderer: the parts of each fit folder that the plan lists, as plain scene data.
+//!
+//! The reference renderer gets its data in another way (`super::reference`).
+
+use super::card::Card;
+use super::leaf_maps;
+use super::sections::{Barks, plants};
+use super::{between, detail, grass, tubes};
+use crate::loaded::Scene;
+use crate::loaded::curve::curve;
+use crate::manifest::View;
+use crate::placed::Placed;
+use crate::placed::daylight::{self, Daylight, sun_direction};
+use crate::placed::ledger::Ledger;
+use crate::placed::placement::Placement;
+use crate::placed::plant::Wood;
+use crate::plan::levels;
+use crate::{Error, Result};
+use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::side::Side;
+use mesophyll_sky::fitted::Folded;
+use mesophyll_sky::{Coefficients, panorama};
+use mesophyll_transport::environment::Environment;
+use mesophyll_viewer::scene as viewer;
+use mesophyll_web::bundle::slab_curve;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A leaf gets levels of detail if it is drawn with more triangles than this in total, which is the number of pixels of
+/// a small picture.
+const MANY_TRIANGLES: usize = 200_000;
+
+/// Everything the perspective views show.
+///
+/// # Errors
+/// [`Error::Input`] for a map that is missing, damaged or of another size.
+pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+    let Scene { manifest, placed, .. } = scene;
+    let mut out = lights(scene, ledger)?;
+    let mut index = vec![None; placed.leaves.len()];
+    // Meshes are in the order of the transfer's meshes. Those are finer where the transfer has the vertices' shares of
+    // the sun.
+    let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
+    let shown = |k: usize, mesh: &LeafMesh| match finer {
+        Some(blades) => between::mesh(&blades[k].mesh),
+        None => viewer_mesh(mesh),
+    };
+    for leaf in scene.drawn() {
+        let Some(mesh) = &leaf.placed.mesh else { continue };
+        let drawn = viewer::Material::Leaf(leaf_maps::leaf(manifest, leaf, ledger)?);
+        index[leaf.placed.index] = Some(out.add(shown(out.meshes.len(), mesh), drawn));
+    }
+    for p in &placed.placements {
+        if let Some(drawn) = index[p.leaf] {
+            let carried = p.section.map(|k| viewer::Carried { first: k as u32, vertices: None });
+            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), carried, ..drawn });
+        }
+    }
+    // A coarse triangle would blur the shadows that are stored at its corners.
+    for leaf in placed.leaves.iter().filter(|_| finer.is_none()) {
+        let (Some(mesh), Some(viewer::Instance { mesh: at, material, .. })) = (&leaf.mesh, index[leaf.index]) else {
+            continue;
+        };
+        let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
+        if drawn > MANY_TRIANGLES {
+            let what = format!("{}: levels of detail", out.materials[at].name());
+            // The corners of a card have no place among the anchors of light between leaves.
+            let card = scene.transfer.is_none();
+            out.meshes[at] = ledger.note("make", what, 0, || with_details(mesh, out.leaf(material), card));
+        }
+    }
+    let leaves: usize = out.instances.iter().map(|i| out.meshes[i.mesh].indices.len() / 3).sum();
+    let all_wood: usize = placed.wood.iter().map(|w| w.mesh.triangles() * w.places.len()).sum();
+    let mut barks = Barks::default();
+    for wood in &placed.wood {
+        let mut mesh = shown(out.meshes.len(), &wood.mesh);
+        let mut on_ring = Vec::new();
+        if leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
+            let found = tubes::levels(&wood.mesh, wood.bark_moves.is_some());
+            append(&mut mesh, found.levels, &found.more);
+            on_ring = found.on_ring;
+        }
+        let drawn = out.add(mesh, barked(&wood.name, wood.bark));
+        let carried = wood.bark_moves.as_ref().map(|bark| barks.carried(bark, &on_ring));
+        let places = wood.places.iter();
+        out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), carried, ..drawn }));
+    }
+    if let Some((mesh, albedo)) = &placed.ground {
+        let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
+        let floor = !placed.free
+            && out.sun.is_some_and(|s| s.direction.z > 0.0)
+            && manifest.ground.as_ref().is_some_and(|g| g.hill.is_none())
+            && below_all(placed);
+        out.instances.push(viewer::Instance { floor, ..ground });
+    }
+    plants(placed, manifest.wind.as_ref().is_some_and(|w| w.simplified), barks, &mut out);
+    for lawn in &placed.grass {
+        let slices = lawn.slices(manifest, ledger)?;
+        let soil = placed.ground.as_ref().map_or([0.0; 3], |(_, albedo)| *albedo);
+        let mut drawn = ledger.note("make", format!("{}: light in the lawn", lawn.name), 0, || {
+            grass::lawn(lawn, &slices, soil, manifest.grass[lawn.index].steps)
+        });
+        if !placed.free && !manifest.sun_moves() && !grass::seen_from_above(lawn, &slices, manifest) {
+            drawn.level = None;
+        }
+        out.grass.push(Arc::new(drawn));
+    }
+    if placed.moves().with_time() {
+        out.wind = Some(viewer::Wind { time_s: manifest.rest_time() });
+    }
+    if let Some(found) = &scene.transfer {
+        between::arriving(found, &levels::eyes(manifest, placed), &mut out);
+        if let Some(direction) = sun_direction(manifest) {
+            between::shade(found, direction, &mut out)?;
+        }
+    }
+    Ok(out)
+}
+
+/// The same as a camera shows it to people: with the scene's bloom, which checks leave out.
+///
+/// # Errors
+/// As [`scene`].
+pub fn shown(of: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+    let bloom = of.manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
+    Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
+}
+
+/// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest are flat, and the last is
+/// a card, where these can stand for the blade; the mesh then has vertices of its own for them, after the blade's.
+pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::Leaf>, card: bool) -> viewer::Mesh {
+    let mut out = viewer_mesh(mesh);
+    let cut = leaf.and_then(|l| Some((l.mask.as_ref()?, [l.width, l.height])));
+    let shown = cut.map(|(mask, [width, height])| {
+        let texel = |t: f64, n: u32| (t * f64::from(n)).clamp(0.0, f64::from(n) - 1.0) as usize;
+        move |t: DVec2| mask.get(texel(t.y, height) * width as usize + texel(t.x, width)).is_some_and(|m| *m != 0)
+    });
+    let shown = shown.as_ref().map(|f| f as &dyn Fn(DVec2) -> bool);
+    let (levels, piece) =
+        if card { detail::levels_with_pieces(mesh, shown) } else { (detail::levels(mesh), LeafMesh::default()) };
+    append(&mut out, levels, &piece);
+    out
+}
+
+/// Gives a mesh levels of detail, and the vertices that only these have.
+fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::Detail>, vertices: &LeafMesh) {
+    let more = viewer_mesh(vertices);
+    mesh.positions.extend(more.positions);
+    mesh.normals.extend(more.normals);
+    mesh.tangents.extend(more.tangents);
+    mesh.uvs.extend(more.uvs);
+    mesh.details.extend(levels.into_iter().map(|level| viewer::Detail {
+        indices: level.indices,
+        error: level.error_mm as f32,
+        outline_only: level.outline_only,
+    }));
+}
+
+/// Whether the ground lies below everything else in the scene.
+fn below_all(placed: &Placed) -> bool {
+    let Some((ground, _)) = &placed.ground else { return false };
+    let height = ground.positions.first().map_or(0.0, |p| p.z);
+    let stands = |w: &Wood| {
+        let above = |place: &DMat4| w.mesh.positions.iter().all(|v| place.transform_point3(*v).z >= height);
+        w.places.iter().all(above)
+    };
+    let balls: Vec<Option<(DVec3, f64)>> =
+        placed.leaves.iter().map(|l| l.mesh.as_ref().map(LeafMesh::bounds)).collect();
+    let leaf = |p: &Placement| {
+        let (mesh, (centre, radius)) = (placed.leaves[p.leaf].mesh.as_ref()?, balls[p.leaf]?);
+        let low = p.transform.transform_point3(centre).z - radius * p.transform.x_axis.truncate().length();
+        // Of most leaves the ball is above the ground, so that no vertex is looked at.
+        Some(low >= height || mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
+    };
+    placed.wood.iter().all(stands) && placed.placements.iter().filter_map(leaf).all(|b| b)
+}
+
+/// Wood: diffuse bark that transmits nothing.
+fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
+    viewer::Material::Opaque(viewer::Opaque { name: name.into(), albedo: bark.map(|v| v as f32) })
+}
+
+/// Sun, sky, exposure, and the sampling of shadows and edges.
+fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+    let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
+    let beyond = [
+        ("periodic", "scenes that repeat", manifest.periodic.is_some()),
+        ("leaf.discs", "discs", manifest.leaves.iter().any(|l| l.discs.is_some())),
+    ];
+    if let Some((field, what, _)) = beyond.iter().find(|b| b.2) {
+        let told = format!("the real-time renderer draws no {what}; `mesophyll render` does");
+        return Err(Error::field(&manifest.path, field, told));
+    }
+    let daylight = Daylight::of(manifest)?;
+    let own = daylight.as_ref().map(|d| d.sun);
+    let dome = match &daylight {
+        Some(d) => {
+            let polynomials = daylight::polynomials(manifest, plan.light.sun_moves, ledger)?;
+            Some(dome(d, plan.light.sky_bands, polynomials)?)
+        }
+        None => manifest.pictured().map(|p| pictured(&p.rest, plan.light.sky_bands, sun_direction(manifest))),
+    };
+    Ok(viewer::Scene {
+        meshes: Vec::new(),
+        materials: Vec::new(),
+        instances: Vec::new(),
+        sun: manifest.sun.as_ref().zip(sun_direction(manifest)).map(|(sun, direction)| viewer::Sun {
+            direction: direction.as_vec3(),
+            irradiance: rgb(&sun.irradiance.or(own).unwrap_or_default()),
+            radius: sun.radius_deg.to_radians() as f32,
+        }),
+        sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
+        dome,
+        scanner: None,
+        background: rgb(&manifest.background),
+        backdrop: None,
+        exposure: manifest.exposure as f32,
+        in_full: false,
+        bloom: None,
+        shadow_samples: plan.light.shadow_samples,
+        shadow_resolution: plan.light.shadow_resolution,
+        msaa: plan.light.msaa,
+        wind: None,
+        sections: None,
+        transfer: None,
+        sun_shares: None,
+        grass: Vec::new(),
+    })
+}
+
+/// A sky as plain numbers.
+///
+/// # Errors
+/// [`Error::Usage`] for a sun or turbidity outside the range of the polynomials.
+pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<viewer::Dome> {
+    let light = daylight.light(bands, polynomials)?;
+    let picture = daylight.perez().is_none().then(|| looked_at(daylight));
+    let (perez, scale) = daylight.perez().unwrap_or_default();
+    Ok(viewer::Dome {
+        harmonics: single(&light.harmonics),
+        picture,
+        perez: perez.map(|row| row.map(|v| v as f32)),
+        scale: scale.map(|v| v as f32),
+        ground: light.ground.map(|c| c.map(|v| v as f32)),
+        sun: daylight::direction(daylight.zenith, daylight.azimuth).as_vec3(),
+        strength: 1.0,
+        turbidity: daylight.turbidity as f32,
+    })
+}
+
+/// Columns of the picture of a sky whose formula the renderer does not know: steps of 0.18°.
+const LOOK: usize = 2048;
+
+/// What a model's sky looks like. Below the horizon it goes on as it is just above it, because the renderer draws the
+/// ground there.
+fn looked_at(daylight: &Daylight) -> viewer::Backdrop {
+    let directions: Vec<[f64; 3]> = panorama::centres(LOOK, LOOK / 2).collect();
+    let seen = |d: &[f64; 3]| {
+        let above = DVec3::new(d[0], d[1], d[2].max(1e-4)).normalize();
+        daylight.radiance(above).map(|v| v.max(0.0) as f32)
+    };
+    let texels = Arc::new(directions.par_iter().map(seen).collect());
+    viewer::Backdrop { width: LOOK as u32, height: LOOK as u32 / 2, texels, turn: 0.0 }
+}
+
+/// A sky that is a picture: its harmonics light the leaves, and it is seen behind them.
+pub fn pictured(map: &Environment, bands: usize, sun: Option<DVec3>) -> viewer::Dome {
+    let (width, height, texels) = map.texels();
+    viewer::Dome {
+        harmonics: single(&map.harmonics(bands)),
+        picture: Some(viewer::Backdrop {
+            width: width as u32,
+            height: height as u32,
+            texels: Arc::new(texels.to_vec()),
+            turn: map.turn() as f32,
+        }),
+        perez: [[0.0; 5]; 3],
+        scale: [0.0; 3],
+        ground: None,
+        sun: sun.unwrap_or(DVec3::Z).as_vec3(),
+        strength: 1.0,
+        turbidity: 0.0,
+    }
+}
+
+/// Coefficients in the renderer's precision.
+fn single(of: &Coefficients) -> Vec<[f32; 3]> {
+    of.values().iter().map(|c| c.map(|v| v as f32)).collect()
+}
+
+/// The camera of a view.
+pub fn camera(view: &View) -> viewer::Camera {
+    let vec = |v: Option<[f64; 3]>, or: [f64; 3]| Vec3::from(v.unwrap_or(or).map(|x| x as f32));
+    viewer::Camera {
+        eye: vec(view.eye_mm, [0.0; 3]),
+        target: vec(view.target_mm, [0.0; 3]),
+        up: vec(view.up, [0.0, 0.0, 1.0]),
+        fov_y_deg: view.fov_deg.unwrap_or(30.0) as f32,
+    }
+}
+
+/// A mesh in the renderer's precision.
+pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
+    viewer::Mesh {
+        positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
+        normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
+        tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
+        uvs: mesh.uvs.iter().map(|t| Vec2::new(t.x as f32, t.y as f32)).collect(),
+        indices: mesh.indices.clone(),
+        ..viewer::Mesh::default()
+    }
+}
+
+/// A card: one flat patch with a leaf's mean parameters, drawn with the same slab curve as a leaf.
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene> {
+    let manifest = &scene.manifest;
+    let mut out = lights(scene, ledger)?;
+    (out.shadow_samples, out.msaa) = (0, 1);
+    let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
+    let side = |side: Side| match card.sides[side as usize].as_ref().filter(|_| card.planned[side as usize]) {
+        None => viewer::SideMaps::black(),
+        Some(p) => {
+            let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
+            let (curve, _) = curve(p.sigma_a, p.sigma_s, [low, high], 1e-5, "card slab curve", ledger);
+            viewer::SideMaps {
+                gamma_delta: vec![[
+                    p.gamma[0] as f32,
+                    p.gamma[1] as f32,
+                    p.gamma[2] as f32,
+                    (p.thickness - thickness) as f32,
+                ]],
+                gloss: p
+                    .rho_s
+                    .iter()
+                    .any(|v| *v > 0.0)
+                    .then(|| vec![[p.rho_s[0] as f32, p.rho_s[1] as f32, p.rho_s[2] as f32, p.m as f32]]),
+                normal: None,
+                translucency: None,
+                interior: viewer::Interior::Scalars(slab_curve(&curve)),
+            }
+        }
+    };
+    let leaf = viewer::Leaf {
+        name: manifest.leaves[card.leaf].name.clone(),
+        width: 1,
+        height: 1,
+        thickness_mm: thickness as f32,
+        lobe: manifest.leaves[card.leaf].lobe(),
+        sides: viewer::Sides::of(side),
+        mask: None,
+    };
+    let drawn = out.add(viewer_mesh(&card.mesh), viewer::Material::Leaf(leaf));
+    out.instances = vec![viewer::Instance { transform: card.transform.as_mat4(), ..drawn }];
+    Ok(out)
+}

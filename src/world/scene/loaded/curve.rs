@@ -1,0 +1,26 @@
+//! The slab curve of a leaf's side, with the figures of its accuracy for the plan.
+
+use crate::placed::ledger::Ledger;
+use crate::plan::accuracy::Row;
+pub use mesophyll_optics::slab::curve::Curve;
+use std::time::Instant;
+
+/// [`Curve::sampled`], noted in the ledger as `what`, and the error of linear interpolation for several numbers of
+/// points.
+pub fn curve(
+    sigma_a: [f64; 3],
+    sigma_s: [f64; 3],
+    range: [f64; 2],
+    allowed: f64,
+    what: &str,
+    ledger: &Ledger,
+) -> (Curve, Vec<Row>) {
+    ledger.note("curve", what, 0, || {
+        let (start, mut rows) = (Instant::now(), Vec::new());
+        let made = Curve::sampled(sigma_a, sigma_s, range, allowed, |points, error| {
+            let ms = start.elapsed().as_secs_f64() * 1e3;
+            rows.push(Row { setting: points, error, ms, bytes: points as u64 * 32 });
+        });
+        (made, rows)
+    })
+}

@@ -1,0 +1,202 @@
+//! The data of one leaf: W's textures, slab curves and translucency coefficients, as far as the plan needs them.
+
+use super::curve::{Curve, curve};
+use super::map_levels::map_levels;
+use super::translucency;
+use super::{Loaded, Stand, Textures, gloss};
+use crate::Result;
+use crate::manifest::{Interior, ViewKind};
+use crate::placed::fits::reads;
+use crate::placed::ledger::Ledger;
+use crate::placed::{self as placed, daylight};
+use crate::plan::accuracy::Row;
+use crate::plan::leaf::TEXEL_BYTES;
+use crate::plan::{LeafPlan, Plan};
+use glam::DVec3;
+use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_fits::leaf_folder::{File, LeafFit, fill, pack};
+use mesophyll_optics::side::Side;
+use mesophyll_transport::tone::display;
+use std::path::Path;
+
+/// Reads the needed textures of a leaf whose fit exists, and gives the measured figures to the plan.
+pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Result<Loaded> {
+    let mut out = Loaded::default();
+    let Some(fitted) = &leaf.fitted else { return Ok(out) };
+    let (manifest, config, index) = (at.manifest, &at.manifest.leaves[leaf.index], leaf.index);
+    plan.shape(manifest, leaf, fitted)?;
+    for (s, side) in Side::ALL.into_iter().enumerate() {
+        let needs = plan.leaves[index].sides[s];
+        if leaf.interior(config) == Interior::Scalars && needs.interior() {
+            let size = read_gamma_delta(fitted, s, plan.leaves[index].size, &mut out, at.ledger)?;
+            plan.leaves[index].size = size;
+        }
+        if needs.any() && plan.leaves[index].size == [0, 0] {
+            let info = fitted.info(side)?;
+            plan.leaves[index].size = [info.width, info.height];
+        }
+        if let Some(texels) = &out.textures[s].gamma_delta {
+            // A tenth of the tolerance for one shortcut, and at most a ten-thousandth.
+            let allowed = (manifest.tolerated() / 10.0).min(1e-4);
+            let what = format!("{}/{} slab curve", fitted.name, side.name());
+            let (made, rows) = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
+            plan.curve(what, rows);
+            out.curves[s] = Some(made);
+        }
+        if needs.gloss {
+            read_gloss(at, leaf, fitted, s, &mut out, plan)?;
+        } else {
+            plan.leave_out_gloss(leaf, fitted, s);
+        }
+        if plan.wants_translucency(manifest, leaf, s) {
+            translucency::side(at, leaf, s, &mut out, plan)?;
+        }
+        plan.files(manifest, leaf, s, out.coefficients[s].is_some());
+    }
+    resolution(at, leaf, &out, plan);
+    plan.leave_out_errors(fitted);
+    Ok(out)
+}
+
+fn read_gamma_delta(
+    fitted: &LeafFit,
+    s: usize,
+    known: [usize; 2],
+    out: &mut Loaded,
+    ledger: &Ledger,
+) -> Result<[usize; 2]> {
+    let side = Side::ALL[s];
+    let maps = reads::maps(fitted, side, ledger)?;
+    let (path, thickness) = (fitted.path(File::Maps, side), fitted.thickness(side)?);
+    let h = thickness as f32;
+    // γ and thickness of a texel on the leaf are positive.
+    let known_texel = |t: &[f32; 4]| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0;
+    let texels = pack::gamma_delta(&path, maps, thickness)?;
+    let (texels, good) = without_holes(&path, maps, texels, known_texel)?;
+    out.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
+    reads::same_size(fitted, side, known, [maps.width, maps.height])
+}
+
+/// The slab curve over the range of thicknesses of a side's texels.
+fn of_side(
+    fitted: &LeafFit,
+    side: Side,
+    texels: &[[f32; 4]],
+    allowed: f64,
+    what: &str,
+    ledger: &Ledger,
+) -> Result<(Curve, Vec<Row>)> {
+    let h = fitted.thickness(side)?;
+    let (low, high) =
+        texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
+    Ok(curve(
+        fitted.rgb(side, Quantity::SigmaA)?,
+        fitted.rgb(side, Quantity::SigmaS)?,
+        [low, high],
+        allowed,
+        what,
+        ledger,
+    ))
+}
+
+/// Reads a side's gloss, and keeps it where it is visible.
+fn read_gloss(
+    at: Stand,
+    leaf: &placed::leaf::Leaf,
+    fitted: &LeafFit,
+    s: usize,
+    out: &mut Loaded,
+    plan: &mut Plan,
+) -> Result<()> {
+    let (manifest, index) = (at.manifest, leaf.index);
+    let side = Side::ALL[s];
+    let maps = reads::maps(fitted, side, at.ledger)?;
+    let path = fitted.path(File::Maps, side);
+    let (texels, _) = without_holes(&path, maps, pack::gloss(&path, maps)?, |t| t[3] > 0.0)?;
+    plan.leaves[index].size = reads::same_size(fitted, side, plan.leaves[index].size, [maps.width, maps.height])?;
+    let matte = texels.iter().all(|t| t[..3].iter().all(|v| *v <= 0.0));
+    let most = if matte { None } else { Some(gloss::most(at, at.leaf(leaf, out, plan), s, &texels, fitted)?) };
+    if plan.gloss(manifest, leaf, fitted, s, most) {
+        out.textures[s].gloss = Some(texels);
+    }
+    Ok(())
+}
+
+/// A texture whose numbers are filled wherever they are not finite or `good` does not hold, and which texels the fit
+/// knew.
+fn without_holes(
+    path: &Path,
+    maps: &Maps,
+    texels: pack::Rgba,
+    good: impl Fn(&[f32; 4]) -> bool,
+) -> Result<(pack::Rgba, Vec<bool>)> {
+    let known: Vec<bool> = texels.iter().map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
+    let mut planes = [texels];
+    fill::require(path, &mut planes, &known, maps.width, maps.height)?;
+    let [texels] = planes;
+    Ok((texels, known))
+}
+
+/// Chooses the maps' resolution from the footprint of the nearest pixel.
+fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan) {
+    let Stand { manifest, placed, .. } = at;
+    let (index, config) = (leaf.index, &manifest.leaves[leaf.index]);
+    let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return };
+    let LeafPlan { size, sides, .. } = plan.leaves[index];
+    if size == [0, 0] {
+        return;
+    }
+    let (mut area, mut area_uv) = (0.0, 0.0);
+    for t in 0..mesh.triangles() {
+        let [a, b, c] = mesh.triangle(t);
+        area += (mesh.positions[b] - mesh.positions[a]).cross(mesh.positions[c] - mesh.positions[a]).length();
+        area_uv += (mesh.uvs[b] - mesh.uvs[a]).perp_dot(mesh.uvs[c] - mesh.uvs[a]).abs();
+    }
+    let texel_mm = (area / (area_uv * (size[0] * size[1]) as f64)).sqrt();
+    let (centre, radius) = mesh.bounds();
+    let mut footprint = f64::INFINITY;
+    for p in placed.placements.iter().filter(|p| p.leaf == index) {
+        for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+            let (Some(eye), Some(fov)) = (view.eye_mm, view.fov_deg) else { continue };
+            let at = placed.at_time(p, manifest.time_of(view)).transform;
+            let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
+            let nearest = (DVec3::from(eye).distance(centre) - radius * scale).max(1e-3);
+            let pixel_mm = 2.0 * (fov.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
+            footprint = footprint.min(pixel_mm / (texel_mm * scale));
+        }
+    }
+    if !footprint.is_finite() || footprint <= 0.0 {
+        return;
+    }
+    // The largest light that reaches a surface: E/π and the sky's radiance.
+    let mean = |c: [f64; 3]| c.iter().sum::<f64>() / 3.0;
+    let (sun, sky) = daylight::levels(manifest);
+    let power = mean(sun) / std::f64::consts::PI + mean(sky);
+    for (s, side) in Side::ALL.into_iter().enumerate() {
+        let (Some(texels), Some(curve)) = (&loaded.textures[s].gamma_delta, &loaded.curves[s]) else { continue };
+        let Ok(h) = fitted.thickness(side) else { continue };
+        let value: Vec<f32> = texels
+            .iter()
+            .map(|t| {
+                let (rho_d, rho_t) = curve.at(h + f64::from(t[3]));
+                let rho = if sides[s].rho_d { f64::from(t[1]) * rho_d[1] } else { rho_t[1] };
+                display(rho * power, manifest.exposure) as f32
+            })
+            .collect();
+        let good = &loaded.textures[s].good;
+        let rows = map_levels(&value, size[0], size[1], |k| good[k], footprint, TEXEL_BYTES);
+        // Sampling at a pixel's centre has an error itself. A coarser map may add only a part of the scene's tolerance
+        // to it.
+        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
+        let what = format!("{}/{} map resolution", config.name, side.name());
+        if let Some(row) = plan.choose(&what, rows, allowed) {
+            let block = &mut plan.leaves[index].block;
+            *block =
+                if s == 0 || loaded.textures[0].gamma_delta.is_none() { row.setting } else { row.setting.min(*block) };
+        }
+    }
+    translucency::resolution(at, leaf, loaded, plan, footprint);
+    let read = |t: &Textures| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some());
+    plan.resolution(&config.name, index, footprint, loaded.textures.iter().map(read).sum());
+}

@@ -1,0 +1,142 @@
+//! The light of a scene: a sun, a sky, and the hours of a day.
+
+use crate::manifest::picture::Pictured;
+use mesophyll_sky::SkyModel;
+use mesophyll_transport::transfer::Method;
+use serde::Deserialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The sun as a disk.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sun {
+    /// Angle from straight up. With more than 90 the sun shines from below.
+    pub zenith_deg: f64,
+    /// Azimuth, from +x towards +y.
+    #[serde(default)]
+    pub azimuth_deg: f64,
+    /// Irradiance on a surface that faces the sun; under a physical sky, the model's own when absent.
+    pub irradiance: Option<[f64; 3]>,
+    /// Angular radius of the disk; the real sun's when absent.
+    #[serde(default = "sun_radius")]
+    pub radius_deg: f64,
+    /// Whether the sun will also stand elsewhere. Then the sky comes from the polynomial fit.
+    #[serde(default)]
+    pub moves: bool,
+    /// Whether it was taken from the picture of the sky, which the path tracer draws as it is.
+    #[serde(skip)]
+    pub in_picture: bool,
+}
+
+/// Where the sun of a sky that is a picture is to be found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum SunIn {
+    /// The picture shows it.
+    #[serde(rename = "in the picture")]
+    Picture,
+}
+
+/// A constant sky all around, a physical sky above the horizon, or an environment map.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sky {
+    /// Radiance of a constant sky.
+    pub radiance: Option<[f64; 3]>,
+    /// An environment map: a panorama of everything around, OpenEXR or Radiance.
+    pub environment: Option<PathBuf>,
+    /// By how much the environment map is turned from +x towards +y.
+    pub rotation_deg: Option<f64>,
+    /// Where the sun is; when absent, it is taken from the environment map if that shows one and there is no [`Sun`].
+    pub sun: Option<SunIn>,
+    /// The environment map itself, as read.
+    #[serde(skip)]
+    pub picture: Option<Arc<Pictured>>,
+    /// The model of a physical sky.
+    pub model: Option<SkyModel>,
+    /// Turbidity of the physical sky, from 2 (clear) to 10 (hazy).
+    pub turbidity: Option<f64>,
+    /// Reflectance of a level, matte ground that lights the scene from below; there is none when absent.
+    pub ground_albedo: Option<[f64; 3]>,
+    /// Scene units of radiance for 1 kcd/m², or for 1 in an environment map; 1 when absent.
+    pub scale: Option<f64>,
+}
+
+/// Light between leaves, which is computed before the first picture (`mesophyll fit transfer`), and its resolution.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Transfer {
+    /// A folder of `fit transfer`. Where it is absent or belongs to another scene, a run makes its own.
+    pub fit: Option<PathBuf>,
+    /// How the light is found: by `"paths"` through all scatterings, or by `"ambient-occlusion"`, which follows one ray
+    /// each and estimates what surfaces in the way show.
+    pub method: Method,
+    /// Number of anchors along a leaf and across it.
+    pub anchors: [usize; 2],
+    /// Number of paths from each anchor.
+    pub paths: u32,
+    /// Number of bands of the light's harmonics, for a light that moves. When absent, it is 5 where the sun moves.
+    /// Where the sun stands still, no harmonics are used, but the light itself.
+    pub bands: Option<usize>,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// How the sun's own shadows are drawn.
+    pub shadows: Shadows,
+    /// With `shadows = "visibility"`, the longest edge of the meshes. The share of the sun is known at their vertices.
+    pub edge_mm: f64,
+}
+
+impl Default for Transfer {
+    fn default() -> Self {
+        Transfer {
+            fit: None,
+            method: Method::default(),
+            anchors: [5, 3],
+            paths: 2048,
+            bands: None,
+            seed: 1,
+            shadows: Shadows::default(),
+            edge_mm: 1.2,
+        }
+    }
+}
+
+/// How shadows of the sun are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shadows {
+    /// Shadow maps, which are drawn in the picture's own time.
+    #[default]
+    Maps,
+    /// The share of the sun that every vertex sees, which is computed beforehand.
+    Visibility,
+}
+
+/// A day with solar hours at which the scene is drawn too.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Day {
+    /// Latitude, positive to the north.
+    pub latitude_deg: f64,
+    /// Declination of the sun: 0 at the equinoxes, 23.44 in June.
+    #[serde(default)]
+    pub declination_deg: f64,
+    /// Solar hours; 12 is noon.
+    pub hours: Vec<f64>,
+}
+
+impl Day {
+    /// Zenith angle and azimuth (rad) of the sun at a solar hour. +x is east and +y is north.
+    pub fn sun(&self, hour: f64) -> (f64, f64) {
+        let (sin_d, cos_d) = self.declination_deg.to_radians().sin_cos();
+        let (sin_l, cos_l) = self.latitude_deg.to_radians().sin_cos();
+        let (sin_h, cos_h) = ((hour - 12.0) * 15.0).to_radians().sin_cos();
+        let (east, north, up) =
+            (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
+        (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
+    }
+}
+
+fn sun_radius() -> f64 {
+    0.2666
+}

@@ -1,0 +1,302 @@
+//! Scene manifests: which leaves stand where, which lights shine on them, where the cameras are, and how close a
+//! picture must come to its reference.
+//!
+//! Lengths are in mm and angles in degrees. World z is up. The light sets the unit of radiance, and colours are linear
+//! sRGB. A path is relative to the scene file. Unknown fields are errors; an error names file, line and field.
+
+#![warn(missing_docs)]
+
+mod foliar;
+mod grass;
+mod leaf;
+mod light;
+mod picture;
+mod plant;
+mod unknown;
+mod validate;
+mod view;
+
+pub use grass::Grass;
+pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform, Up};
+pub use light::{Day, Shadows, Sky, Sun, SunIn, Transfer};
+pub use mesophyll_base::surface::basis::Basis;
+pub use mesophyll_sky::SkyModel;
+pub use picture::Pictured;
+pub use plant::{
+    BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
+};
+pub use unknown::{Factors, Taken, Unknown};
+pub use view::{Camera, Check, JudgedBy, View, ViewKind};
+
+use mesophyll_base::error::Fault;
+pub(crate) use mesophyll_base::error::{Error, Result};
+use mesophyll_files::numbers;
+use mesophyll_files::unit::Unit;
+use mesophyll_files::whole;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// The content of `data/scenes/*.toml` (format: `data/scenes/README.md`).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Version of the format.
+    pub schema: u32,
+    /// Name of the scene in printed text.
+    pub name: String,
+    /// A description for readers.
+    #[serde(default)]
+    pub description: String,
+    /// The largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the
+    /// plan may cause. A check needs this limit.
+    pub tolerance: Option<f64>,
+    /// The factor that radiance is multiplied by before it is displayed.
+    #[serde(default = "one")]
+    pub exposure: f64,
+    /// Share of the light that a camera's lens scatters around what is bright, in films and in the window. Checks leave
+    /// it out.
+    pub bloom: Option<f64>,
+    /// Radiance where nothing stands, unless the sky determines it.
+    #[serde(default)]
+    pub background: [f64; 3],
+    /// The leaves that instances may show.
+    #[serde(default, rename = "leaf")]
+    pub leaves: Vec<Leaf>,
+    /// Leaves that stand alone.
+    #[serde(default, rename = "instance")]
+    pub instances: Vec<Instance>,
+    /// Whole plants.
+    #[serde(default, rename = "plant")]
+    pub plants: Vec<Plant>,
+    /// The wind that moves plants and lawns.
+    pub wind: Option<Wind>,
+    /// Lawns on the ground.
+    #[serde(default)]
+    pub grass: Vec<Grass>,
+    /// The ground that everything stands on.
+    pub ground: Option<Ground>,
+    /// The period, in a scene that repeats without end.
+    pub periodic: Option<Periodic>,
+    /// The sun; without it there is no direct sunlight.
+    pub sun: Option<Sun>,
+    /// The sky; without it the sun is the only light.
+    pub sky: Option<Sky>,
+    /// Hours of a day at which the scene is drawn too.
+    pub day: Option<Day>,
+    /// Light between leaves in real time. Without it every leaf is lit as if it stood alone.
+    pub transfer: Option<Transfer>,
+    /// The views: cameras, and what they show.
+    #[serde(default, rename = "view")]
+    pub views: Vec<View>,
+    /// The camera's exposure, for pictures by `render --tone film`.
+    pub camera: Option<Camera>,
+    /// Pictures that were taken of it, for `fit scene`.
+    #[serde(default, rename = "picture")]
+    pub taken: Vec<Taken>,
+    /// Reflectance factors that were measured of it, for `fit scene`.
+    #[serde(default, rename = "brf")]
+    pub factors: Vec<Factors>,
+    /// The numbers that `fit scene` finds from them.
+    pub unknown: Option<Unknown>,
+    /// How its pictures are judged.
+    #[serde(default)]
+    pub check: Check,
+    /// The file this was read from.
+    #[serde(skip)]
+    pub path: PathBuf,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Manifest {
+    /// Reads and validates a scene file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
+    pub fn read(path: &Path) -> Result<Manifest> {
+        Manifest::parse(&whole::text(path)?, path)
+    }
+
+    /// Validates the text of a scene file. Names of other files in it are relative to the folder of `path`.
+    ///
+    /// # Errors
+    /// As [`Manifest::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Manifest> {
+        let mut manifest: Manifest = toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;
+        manifest.path = path.to_path_buf();
+        validate::validate(&manifest, text)?;
+        manifest.layer(0.0, false)?;
+        manifest.share();
+        manifest.spread()?;
+        manifest.read_picture()?;
+        Ok(manifest)
+    }
+
+    /// Gives a leaf that is `like` another one the data of that leaf.
+    fn share(&mut self) {
+        for k in 0..self.leaves.len() {
+            let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
+            let Leaf { fit, capture, scan, uniform, look, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
+                self.leaves[other].clone();
+            let (lobe, index) = (self.leaves[other].lobe, self.leaves[other].index);
+            let leaf = &mut self.leaves[k];
+            if layers.is_some() {
+                (leaf.lobe, leaf.index) = (lobe, index);
+            }
+            (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
+            (leaf.look, leaf.layers) = (look, layers);
+            if leaf.mesh.is_none() && leaf.discs.is_none() {
+                (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
+                (leaf.part, leaf.mesh_up) = (part, mesh_up);
+            }
+        }
+    }
+
+    /// Adds a view from above to a scene without a perspective view, for callers that want to know what stands in it
+    /// but need no picture.
+    pub fn look_from_above(&mut self) {
+        if !self.views.iter().any(|v| v.kind == ViewKind::Perspective) {
+            let (eye_mm, up) = (Some([0.0, 0.0, 1e6]), Some([0.0, 1.0, 0.0]));
+            self.views.push(View {
+                name: "above".into(),
+                eye_mm,
+                target_mm: Some([0.0; 3]),
+                up,
+                fov_deg: Some(30.0),
+                ..View::default()
+            });
+        }
+    }
+
+    /// Replaces an instance with a list of positions by one instance for each position.
+    fn spread(&mut self) -> Result<()> {
+        let mut out = Vec::new();
+        for instance in &self.instances {
+            let Some(file) = &instance.positions else {
+                out.push(instance.clone());
+                continue;
+            };
+            let unit = instance.unit.unwrap_or(Unit::Metre).mm();
+            for at in numbers::read::<3>(&self.resolve(file), "x y z")? {
+                let position_mm = [0, 1, 2].map(|k| instance.position_mm[k] + unit * at[k]);
+                out.push(Instance { position_mm, positions: None, ..instance.clone() });
+            }
+        }
+        self.instances = out;
+        Ok(())
+    }
+
+    /// A path of the manifest, relative to the working folder.
+    pub fn resolve(&self, relative: &Path) -> PathBuf {
+        match self.path.parent() {
+            Some(folder) if relative.is_relative() && !folder.as_os_str().is_empty() => tidy(&folder.join(relative)),
+            _ => relative.to_path_buf(),
+        }
+    }
+
+    /// The largest error of a displayed value that one shortcut of the plan may cause. Where the scene does not state
+    /// it, it is the step between two values of an 8-bit picture.
+    pub fn tolerated(&self) -> f64 {
+        self.tolerance.unwrap_or(1.0 / 255.0)
+    }
+
+    /// Whether the scene states every limit that a check needs.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first limit that is missing: `tolerance`, or a view's `max_error` or `flip_p99`.
+    pub fn require_limits(&self) -> Result<()> {
+        let missing = |what: String| Error::field(&self.path, &what, "missing; a check needs it");
+        if self.tolerance.is_none() {
+            return Err(missing("tolerance".into()));
+        }
+        for view in &self.views {
+            let needs = [
+                ("max_error", view.max_error.is_none() && view.kind != ViewKind::Capture),
+                ("flip_p99", view.flip_p99.is_none() && view.kind == ViewKind::Perspective),
+            ];
+            if let Some((key, _)) = needs.iter().find(|n| n.1) {
+                return Err(missing(format!("view \"{}\": {key}", view.name)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the sky is a physical model.
+    pub fn physical_sky(&self) -> bool {
+        self.sky.as_ref().is_some_and(|s| s.model.is_some())
+    }
+
+    /// The sky's picture, if the sky is one.
+    pub fn pictured(&self) -> Option<&Pictured> {
+        self.sky.as_ref().and_then(|s| s.picture.as_deref())
+    }
+
+    /// Whether the sky's light depends on its direction.
+    pub fn varied_sky(&self) -> bool {
+        self.physical_sky() || self.sky.as_ref().is_some_and(|s| s.environment.is_some())
+    }
+
+    /// The factor for radiance in a picture with a film's curve. It comes from the scene's camera where there is one.
+    pub fn film_exposure(&self) -> f64 {
+        let unit = self.sky.as_ref().filter(|s| s.model.is_some()).and_then(|s| s.scale).unwrap_or(1.0);
+        // A radiance of 1 kcd/m² is `unit` scene units.
+        self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
+    }
+
+    /// Whether the sun stands in more than one place.
+    pub fn sun_moves(&self) -> bool {
+        self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
+    }
+
+    /// The time at which a view shows the scene (s).
+    pub fn time_of(&self, view: &View) -> f64 {
+        view.time_s.unwrap_or_else(|| self.rest_time())
+    }
+
+    /// The time at which the scene opens (s).
+    pub fn rest_time(&self) -> f64 {
+        self.wind.as_ref().map_or(0.0, |w| w.time_s)
+    }
+
+    /// The index of the leaf with this name.
+    pub fn leaf_index(&self, name: &str) -> Option<usize> {
+        self.leaves.iter().position(|l| l.name == name)
+    }
+}
+
+/// The error for a scene that cannot be read. A table of an earlier version gets a word on what took its place.
+fn gone(path: &Path, text: &str, error: Error) -> Error {
+    let gone = [("cluster", "[cluster]"), ("tree", "[tree]"), ("branch", "[[branch]]")];
+    let old = |line: &str| {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        gone.iter().find(|(_, header)| *header == line)
+    };
+    let Some((number, (field, header))) = text.lines().enumerate().find_map(|(k, line)| Some((k, old(line)?))) else {
+        return error;
+    };
+    let what = format!("{header} is no longer read; expected a [[plant]], which has wood, branches and leaves");
+    Error::Input {
+        file: path.display().to_string(),
+        line: u32::try_from(number + 1).ok(),
+        field: Some((*field).into()),
+        fault: Fault::Other(what),
+    }
+}
+
+/// Turns `a/b/../c` into `a/c`, without looking at the file system.
+fn tidy(path: &Path) -> PathBuf {
+    use std::path::Component;
+    let mut out: Vec<Component> = Vec::new();
+    for part in path.components() {
+        match (part, out.last()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                out.pop();
+            }
+            (Component::CurDir, _) => {}
+            _ => out.push(part),
+        }
+    }
+    out.iter().collect()
+}

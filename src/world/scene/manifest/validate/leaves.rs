@@ -1,0 +1,190 @@
+//! Checks leaves: each has one source of data, and its fields belong together.
+
+use super::place::Place;
+use crate::manifest::{Interior, Leaf, Result, Uniform};
+use mesophyll_fits::look::Look;
+use mesophyll_optics::gloss::LobeKind;
+use mesophyll_transport::lobe::M_FLOOR;
+
+pub fn leaves(p: &Place) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    let mut names = p.names(HEADER, "leaf");
+    for (i, leaf) in p.manifest.leaves.iter().enumerate() {
+        names.take(i, &leaf.name)?;
+        let fitted = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
+        let own = fitted || leaf.uniform.is_some() || leaf.foliar.is_some() || leaf.look.is_some();
+        if let Some(uniform) = &leaf.uniform {
+            one_uniform(p, i, leaf, uniform, fitted)?;
+        }
+        if let Some(look) = &leaf.look {
+            one_look(p, i, leaf, look, fitted)?;
+        }
+        if leaf.foliar.is_some() {
+            if leaf.uniform.is_some() {
+                return Err(p.error(HEADER, i, "foliar", "given beside uniform; expected one of the two"));
+            }
+            without_maps(p, i, "foliar", leaf, fitted)?;
+            if leaf.lobe != LobeKind::default() || leaf.index.is_some() {
+                let what = "given beside foliar, whose layers have indices and lobes of their own";
+                return Err(p.error(HEADER, i, "lobe", what));
+            }
+        }
+        if let Some(like) = &leaf.like {
+            p.leaf(HEADER, i, "like", like)?;
+            if own {
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    "given beside a fit, capture, scan, look, uniform or foliar of its own; expected one of the two",
+                ));
+            }
+            if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    format!("\"{like}\" is like another one itself; expected a leaf with data of its own"),
+                ));
+            }
+        } else if !own {
+            return Err(p.error(
+                HEADER,
+                i,
+                "fit",
+                "missing; expected a fit folder, a capture, a scan, a look, uniform or foliar",
+            ));
+        }
+        let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
+        let even = |l: &Leaf| l.uniform.is_some() || l.foliar.is_some();
+        if leaf.discs.is_some() && !even(leaf) && like.is_none_or(|l| !even(l)) {
+            return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
+        }
+        if leaf.part.is_some() && (leaf.mesh.is_none() || leaf.mesh_unit.is_some()) {
+            let what =
+                "given without a mesh, or with a mesh_unit; expected a mesh that is a plant's file or description";
+            return Err(p.error(HEADER, i, "part", what));
+        }
+        if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
+            return Err(p.error(
+                HEADER,
+                i,
+                "mesh_unit",
+                "given without a mesh; a fit's own blade says its unit itself",
+            ));
+        }
+        if leaf.mesh_up.is_some() && (leaf.mesh.is_none() || leaf.part.is_some()) {
+            let what = "given without a mesh, or with a part, which stands as its plant does; expected a mesh alone";
+            return Err(p.error(HEADER, i, "mesh_up", what));
+        }
+        if leaf.capture.is_some() && leaf.scan.is_some() {
+            return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
+        }
+        if let Some(scan) = &leaf.scan {
+            if scan.size.is_some() && scan.texels().is_none() {
+                let found = scan.size.as_deref().unwrap_or_default();
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "scan",
+                    format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180"),
+                ));
+            }
+            for side in scan.field_mm.iter().flatten() {
+                p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
+            }
+            for sigma in scan.sigma_a.iter().chain(&scan.sigma_s).flatten() {
+                p.range(HEADER, i, "scan", *sigma, [1e-6, 1e6], "1/mm of absorption or scattering")?;
+            }
+            p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, [8.0, 10_000.0], "frames")?;
+            p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
+        }
+        match (leaf.lobe.has_index(), leaf.index) {
+            (true, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
+            (true, None) => {
+                return Err(p.error(HEADER, i, "index", format!("missing; the {} lobe needs one", leaf.lobe)));
+            }
+            (false, Some(_)) => {
+                return Err(p.error(HEADER, i, "index", format!("given, but the {} lobe has none", leaf.lobe)));
+            }
+            (false, None) => {}
+        }
+    }
+    Ok(())
+}
+
+/// The rounding error that ρd + ρt = 1 may have when the numbers have six digits.
+const ROUNDING: f64 = 2e-6;
+
+/// Checks a leaf that is the same everywhere: it has a mesh, and no field that needs maps. `key` is the field that
+/// states it.
+fn without_maps(p: &Place, i: usize, key: &str, leaf: &Leaf, fitted: bool) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    for (other, given) in [
+        ("fit, capture or scan", fitted),
+        ("translucency", leaf.translucency.is_some()),
+        ("interior", leaf.interior != Interior::default()),
+    ] {
+        if given {
+            return Err(p.error(HEADER, i, key, format!("given beside {other}; a {key} leaf has no maps")));
+        }
+    }
+    match (&leaf.mesh, &leaf.discs) {
+        (None, None) => Err(p.error(HEADER, i, "mesh", format!("missing; a {key} leaf needs a mesh, or discs"))),
+        (Some(_), Some(_)) => Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
+        _ => Ok(()),
+    }
+}
+
+/// Checks a leaf whose look is stated by pictures. What they hold is checked where they are read.
+fn one_look(p: &Place, i: usize, leaf: &Leaf, look: &Look, fitted: bool) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    for (other, given) in [
+        ("fit, capture or scan", fitted),
+        ("uniform", leaf.uniform.is_some()),
+        ("foliar", leaf.foliar.is_some()),
+        ("translucency, which needs the σa and σs of a fit", leaf.translucency.is_some()),
+        ("interior, of which a look has one only", leaf.interior != Interior::default()),
+    ] {
+        if given {
+            return Err(p.error(HEADER, i, "look", format!("given beside {other}; expected one of the two")));
+        }
+    }
+    match look.fault() {
+        Some((field, what)) => Err(p.error(HEADER, i, "look", format!("{field}: {what}"))),
+        None => Ok(()),
+    }
+}
+
+fn one_uniform(p: &Place, i: usize, leaf: &Leaf, uniform: &Uniform, fitted: bool) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    const KEY: &str = "uniform";
+    without_maps(p, i, KEY, leaf, fitted)?;
+    if leaf.lobe.has_index() {
+        return Err(p.error(HEADER, i, "lobe", format!("found {}, expected one without an index", leaf.lobe)));
+    }
+    let [front, back] = &uniform.rho_d;
+    let none = [0.0; 3];
+    for (name, values) in [
+        ("rho_d", front),
+        ("rho_d", back),
+        ("rho_t", &uniform.rho_t),
+        ("rho_s", uniform.rho_s.as_ref().unwrap_or(&none)),
+    ] {
+        for value in values {
+            p.range(HEADER, i, KEY, *value, [0.0, 1.0 + ROUNDING], &format!("of {name}"))?;
+        }
+    }
+    p.range(HEADER, i, KEY, uniform.m, [M_FLOOR, 2.0], "of slope m")?;
+    for (side, rho_d) in ["front", "back"].into_iter().zip([front, back]) {
+        for c in 0..3 {
+            let sum = rho_d[c] + uniform.rho_t[c];
+            if !(sum <= 1.0 + ROUNDING) {
+                let channel = ["R", "G", "B"][c];
+                let what = format!("rho_d + rho_t of the {side}, {channel}, is {sum}; expected at most 1");
+                return Err(p.error(HEADER, i, KEY, what));
+            }
+        }
+    }
+    Ok(())
+}

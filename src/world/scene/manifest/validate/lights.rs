@@ -1,0 +1,172 @@
+//! Checks sun, sky, day, camera and the light between leaves. A physical sky needs a sun, and only under a physical sky
+//! can the sun move.
+
+use super::place::Place;
+use crate::manifest::{Day, Result, Sky};
+use mesophyll_sky::{SkyModel, preetham};
+
+pub fn lights(p: &Place) -> Result<()> {
+    if let Some(sun) = &p.manifest.sun {
+        p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 180.0], "degrees")?;
+        p.finite("[sun]", 0, "azimuth_deg", &[sun.azimuth_deg])?;
+        match &sun.irradiance {
+            Some(irradiance) => p.colour("[sun]", "irradiance", irradiance)?,
+            None if p.manifest.physical_sky() => {}
+            None => {
+                return Err(p.error(
+                    "[sun]",
+                    0,
+                    "irradiance",
+                    "missing; only a sun under a physical sky has its light from the model",
+                ));
+            }
+        }
+        p.range("[sun]", 0, "radius_deg", sun.radius_deg, [0.0, 45.0], "degrees")?;
+    }
+    if let Some(sky) = &p.manifest.sky {
+        one_sky(p, sky)?;
+    }
+    if p.manifest.sun_moves() && !p.manifest.physical_sky() {
+        let (header, key) = if p.manifest.day.is_some() { ("[day]", "") } else { ("[sun]", "moves") };
+        return Err(p.error(
+            header,
+            0,
+            key,
+            "given, but only a scene with a physical sky (sky.model) has a sun that moves",
+        ));
+    }
+    if let Some(day) = &p.manifest.day {
+        one_day(p, day)?;
+    }
+    if let Some(camera) = &p.manifest.camera {
+        const HEADER: &str = "[camera]";
+        p.range(HEADER, 0, "f_number", camera.f_number, [0.5, 256.0], "of a lens")?;
+        p.range(HEADER, 0, "shutter_s", camera.shutter_s, [1e-6, 3600.0], "seconds")?;
+        p.range(HEADER, 0, "iso", camera.iso, [1.0, 1e6], "of a sensor")?;
+        if !p.manifest.physical_sky() {
+            let why = "given, but only under a physical sky is the unit of light known; expected exposure instead";
+            return Err(p.error(HEADER, 0, "", why));
+        }
+    }
+    if let Some(transfer) = &p.manifest.transfer {
+        const HEADER: &str = "[transfer]";
+        for n in transfer.anchors {
+            p.range(HEADER, 0, "anchors", n as f64, [1.0, 64.0], "anchors along a leaf or across it")?;
+        }
+        p.range(HEADER, 0, "paths", f64::from(transfer.paths), [16.0, f64::from(1 << 19)], "paths an anchor")?;
+        p.range(HEADER, 0, "edge_mm", transfer.edge_mm, [0.01, 1e4], "mm")?;
+        if let Some(bands) = transfer.bands {
+            p.range(HEADER, 0, "bands", bands as f64, [1.0, 7.0], "bands")?;
+        }
+        for (given, what) in [
+            (p.manifest.periodic.is_some(), "in a scene that repeats"),
+            (p.manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()), "under an environment map"),
+            (p.manifest.leaves.iter().any(|l| l.discs.is_some()), "between leaves of discs"),
+        ] {
+            if given {
+                let why = format!("given, but the real-time renderer, which it is for, draws no such light {what}");
+                return Err(p.error(HEADER, 0, "", why));
+            }
+        }
+    }
+    if p.manifest.sun.is_none() && p.manifest.sky.is_none() {
+        return Err(p.error("", 0, "sun", "missing, and no [sky] either; expected some light"));
+    }
+    Ok(())
+}
+
+fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
+    const HEADER: &str = "[sky]";
+    if sky.radiance.is_some() || sky.environment.is_some() {
+        let (what, has) = match sky.radiance {
+            Some(_) => ("radiance", "a constant sky has none, a physical one no radiance"),
+            None => ("environment", "an environment map is the whole sky"),
+        };
+        let even = sky.radiance.is_some();
+        for (key, given) in [
+            ("environment", sky.environment.is_some() && sky.radiance.is_some()),
+            ("model", sky.model.is_some()),
+            ("turbidity", sky.turbidity.is_some()),
+            ("ground_albedo", sky.ground_albedo.is_some()),
+            ("scale", even && sky.scale.is_some()),
+            ("rotation_deg", even && sky.rotation_deg.is_some()),
+            ("sun", even && sky.sun.is_some()),
+        ] {
+            if given {
+                return Err(p.error(HEADER, 0, key, format!("given beside {what}; {has}")));
+            }
+        }
+        if sky.sun.is_some() && p.manifest.sun.is_some() {
+            let why = "found \"in the picture\", but the scene has a [sun]; expected one of the two";
+            return Err(p.error(HEADER, 0, "sun", why));
+        }
+        p.finite(HEADER, 0, "rotation_deg", &[sky.rotation_deg.unwrap_or(0.0)])?;
+        sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "factor on the picture's radiance"))?;
+        return sky.radiance.as_ref().map_or(Ok(()), |radiance| p.colour(HEADER, "radiance", radiance));
+    }
+    let Some(model) = sky.model else {
+        return Err(p.error(
+            HEADER,
+            0,
+            "radiance",
+            "missing, and no model or environment either; expected a constant radiance, model = \"preetham\" or an \
+             environment map",
+        ));
+    };
+    for (key, given) in [("rotation_deg", sky.rotation_deg.is_some()), ("sun", sky.sun.is_some())] {
+        if given {
+            return Err(p.error(HEADER, 0, key, "given beside model; a physical sky is turned to its [sun]"));
+        }
+    }
+    let Some(sun) = &p.manifest.sun else {
+        return Err(p.error(HEADER, 0, "model", "given without a [sun]; a physical sky needs one"));
+    };
+    p.range(
+        "[sun]",
+        0,
+        "zenith_deg",
+        sun.zenith_deg,
+        [0.0, 90.0],
+        "degrees (the sun of a physical sky stands above the horizon)",
+    )?;
+    let Some(turbidity) = sky.turbidity else {
+        return Err(p.error(HEADER, 0, "turbidity", "missing; a physical sky needs one"));
+    };
+    if p.manifest.sun_moves() && model == SkyModel::Preetham {
+        p.range(
+            HEADER,
+            0,
+            "turbidity",
+            turbidity,
+            preetham::TRUSTED,
+            "where the sun moves (what the polynomials were fitted to)",
+        )?;
+    }
+    let turbidities = model.over(0.0).map_or(preetham::TURBIDITIES, |model| model.turbidities());
+    p.range(HEADER, 0, "turbidity", turbidity, turbidities, "")?;
+    for albedo in sky.ground_albedo.iter().flatten() {
+        p.range(HEADER, 0, "ground_albedo", *albedo, [0.0, 1.0], "a channel")?;
+    }
+    sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "number of scene units a kcd/m\u{b2}"))
+}
+
+fn one_day(p: &Place, day: &Day) -> Result<()> {
+    const HEADER: &str = "[day]";
+    p.range(HEADER, 0, "latitude_deg", day.latitude_deg, [-90.0, 90.0], "degrees")?;
+    p.range(HEADER, 0, "declination_deg", day.declination_deg, [-23.45, 23.45], "degrees")?;
+    if day.hours.is_empty() || day.hours.len() > 64 {
+        return Err(p.error(HEADER, 0, "hours", format!("found {} of them, expected 1 to 64", day.hours.len())));
+    }
+    for hour in &day.hours {
+        p.range(HEADER, 0, "hours", *hour, [0.0, 24.0], "hours")?;
+        if day.sun(*hour).0 > std::f64::consts::FRAC_PI_2 + 1e-9 {
+            return Err(p.error(
+                HEADER,
+                0,
+                "hours",
+                format!("the sun is below the horizon at {hour}, expected hours of daylight"),
+            ));
+        }
+    }
+    Ok(())
+}

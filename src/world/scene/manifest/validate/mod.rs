@@ -1,0 +1,190 @@
+//! Checks what a scene manifest must state, beyond having the right fields. An error names file, line and field.
+
+mod branches;
+mod grass;
+mod leaves;
+mod lights;
+mod place;
+mod placements;
+mod views;
+
+use super::{Check, Manifest};
+use crate::manifest::Result;
+use place::{Place, plain};
+
+/// The largest numbers of pixels along a side, of samples, and of seconds of a wind. A larger number is more likely a
+/// typing error than meant.
+const MOST_PIXELS: u32 = 8192;
+const MOST_SAMPLES: u32 = 1 << 16;
+const MOST_SECONDS: f64 = 1e6;
+
+/// Checks everything that the types cannot ensure.
+///
+/// # Errors
+/// [`Error::Input`] for the first fault.
+pub fn validate(m: &Manifest, text: &str) -> Result<()> {
+    let p = Place { manifest: m, text };
+    if m.schema != 1 {
+        return Err(p.error("", 0, "schema", format!("found {}, expected 1", m.schema)));
+    }
+    if !plain(&m.name) {
+        return Err(p.error(
+            "",
+            0,
+            "name",
+            format!("found \"{}\", expected letters, digits, - and _ (it names files)", m.name),
+        ));
+    }
+    if let Some(tolerance) = m.tolerance {
+        p.range("", 0, "tolerance", tolerance, [1e-6, 0.5], "of the displayed range")?;
+    }
+    p.positive("", 0, "exposure", m.exposure, "number")?;
+    if let Some(share) = m.bloom {
+        p.range("", 0, "bloom", share, [0.0, 0.5], "of the light")?;
+    }
+    p.colour("", "background", &m.background)?;
+    leaves::leaves(&p)?;
+    placements::placements(&p)?;
+    branches::branches(&p)?;
+    branches::wind(&p)?;
+    grass::grass(&p)?;
+    lights::lights(&p)?;
+    views::views(&p)?;
+    for (key, value, most) in [
+        ("width", m.check.width, MOST_PIXELS),
+        ("height", m.check.height, MOST_PIXELS),
+        ("samples", m.check.samples, MOST_SAMPLES),
+        ("frames", m.check.frames, MOST_SAMPLES),
+    ] {
+        p.range("[check]", 0, key, f64::from(value), [1.0, f64::from(most)], "")?;
+    }
+    p.range("[check]", 0, "seconds", m.check.seconds, [0.0, 60.0], "s")?;
+    p.range("[check]", 0, "fps", m.check.fps, [1.0, 240.0], "frames a second")?;
+    if m.check.seconds > 0.0 {
+        let least = f64::from(Check::FILM_BLOCK);
+        for (key, value) in [("width", m.check.width), ("height", m.check.height)] {
+            p.range("[check]", 0, key, f64::from(value), [least, f64::INFINITY], "pixels, for a film's blocks")?;
+        }
+        if m.wind.is_none() {
+            return Err(p.error("[check]", 0, "seconds", "given, but the scene has no [wind], so that nothing moves"));
+        }
+        if m.check.film_frames() < 3 {
+            let found = format!("found {} s at {} frames a second", m.check.seconds, m.check.fps);
+            return Err(p.error("[check]", 0, "seconds", format!("{found}, expected at least three frames")));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    const GOOD: &str = r#"
+schema = 1
+name = "s"
+tolerance = 0.004
+[[leaf]]
+name = "elm"
+fit = "fits/elm"
+[[instance]]
+leaf = "elm"
+[sun]
+zenith_deg = 30
+irradiance = [3, 3, 3]
+[[view]]
+name = "a"
+kind = "perspective"
+eye_mm = [0, -10, 100]
+target_mm = [0, 0, 0]
+fov_deg = 30
+flip_p99 = 0.1
+max_error = 0.1
+"#;
+
+    fn verdict(text: &str) -> String {
+        let dir = tempfile::tempdir().unwrap();
+        let path: PathBuf = dir.path().join("s.toml");
+        std::fs::write(&path, text).unwrap();
+        match Manifest::read(&path) {
+            Ok(_) => "ok".into(),
+            Err(e) => {
+                assert!(e.is_usage());
+                e.to_string().replace(&format!("{}/", dir.path().display()), "")
+            }
+        }
+    }
+
+    #[test]
+    fn a_mistake_is_named_with_its_line_and_field() {
+        assert_eq!(verdict(GOOD), "ok");
+        for (from, to, expected) in [
+            ("zenith_deg = 30", "zenith_deg = 300", "s.toml:11: sun.zenith_deg: found 300, expected 0 to 180 degrees"),
+            ("zenith_deg = 30", "zenit_deg = 30", "s.toml:11: unknown field `zenit_deg`"),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"oak\"",
+                "s.toml:9: instance.leaf: found \"oak\", expected one of the scene's leaves (elm)",
+            ),
+            ("fov_deg = 30", "", "s.toml:13: view.fov_deg: missing; view \"a\" needs it"),
+            ("target_mm = [0, 0, 0]", "target_mm = [0, -10, 100]", "s.toml:17: view.target_mm: is where the eye is"),
+            ("tolerance = 0.004", "tolerance = nan", "s.toml:4: tolerance: found NaN"),
+            ("schema = 1", "schema = 2", "s.toml:2: schema: found 2, expected 1"),
+            ("name = \"s\"", "name = \"s\"\nbloom = 5", "s.toml:4: bloom: found 5, expected 0 to 0.5 of the light"),
+            ("fit = \"fits/elm\"", "", "s.toml:5: leaf.fit: missing"),
+            (
+                "max_error = 0.1",
+                "max_error = 0.1\ntime_s = 2",
+                "s.toml:21: view.time_s: given, but the scene has no [wind]",
+            ),
+            (
+                "[sun]",
+                "[check]\nseconds = 1\n[sun]",
+                "s.toml:11: check.seconds: given, but the scene has no [wind], so that nothing moves",
+            ),
+            (
+                "[sun]",
+                "[check]\nseconds = 0.05\n[wind]\nspeed_m_s = 3\nseed = 1\n[sun]",
+                "s.toml:11: check.seconds: found 0.05 s at 30 frames a second, expected at least three frames",
+            ),
+            (
+                "[sun]",
+                "[check]\nwidth = 9\nseconds = 1\n[wind]\nspeed_m_s = 3\nseed = 1\n[sun]",
+                "s.toml:11: check.width: found 9, expected at least 16 pixels, for a film's blocks",
+            ),
+            (
+                "[sun]",
+                "[wind]\nspeed_m_s = -3\nseed = 1\n[sun]",
+                "s.toml:11: wind.speed_m_s: found -3, expected 0 to 100 m/s",
+            ),
+            (
+                "[sun]",
+                "[cluster]\nleaves = [\"elm\"]\n[sun]",
+                "s.toml:10: cluster: [cluster] is no longer read; expected a [[plant]]",
+            ),
+            (
+                "[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nname = \"b\"\n\
+                     taper = 2\n[sun]",
+                "s.toml:15: plant.branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
+            ),
+            (
+                "[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nlevel = 1\nfit = \"f\"\n\
+                     [sun]",
+                "s.toml:13: plant.branch.measured: missing; a level has no name that its fit could hold",
+            ),
+            (
+                "[sun]",
+                "[[plant]]\nfile = \"p.glb\"\nmaterials = { a = \"elm\" }\n[[plant.branch]]\nname = \"b\"\ntaper = 1\n\
+                 [[plant.branch]]\nname = \"b\"\ntaper = 0.5\n[sun]",
+                "s.toml:17: plant.branch.name: \"b\" is given twice for one plant, expected each once",
+            ),
+        ] {
+            assert!(GOOD.contains(from));
+            let found = verdict(&GOOD.replacen(from, to, 1));
+            assert!(found.starts_with(expected), "{found}\nexpected {expected}");
+        }
+    }
+}

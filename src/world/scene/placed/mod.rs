@@ -1,0 +1,273 @@
+//! The things in the world and their places, their light, and which camera sees which of their sides. The room
+//! `manifest`, below this one, holds the content of a scene file. The room `scene`, above it, decides what is needed.
+//!
+//! [`fits`] are the folders that a scene's leaves come from, and [`ledger`] records what was done.
+
+#![warn(missing_docs)]
+
+pub mod daylight;
+pub mod facing;
+pub mod fits;
+pub mod flutter;
+pub mod grass;
+pub mod leaf;
+pub mod leaning;
+pub mod ledger;
+pub mod moves;
+pub mod overrides;
+pub mod placement;
+pub mod plant;
+pub mod posed;
+pub mod sections;
+pub mod sways;
+pub mod winds;
+
+pub(crate) use mesophyll_base::error::{Error, Result};
+
+use crate::manifest::{Ground, Manifest, ViewKind};
+use crate::placed::fits::missing;
+use crate::placed::fits::source::Freshness;
+use crate::placed::fits::translucency::Translucent;
+use crate::placed::ledger::Ledger;
+use glam::{DVec2, DVec3};
+use leaf::{Leaf, Search};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_fits::grass::hill::Hill;
+use moves::Moves;
+use placement::Placement;
+use plant::{Planted, Wood};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use winds::Winds;
+
+/// A scene's leaves and wood at their places.
+#[derive(Debug)]
+pub struct Placed {
+    /// The leaves, in the manifest's order.
+    pub leaves: Vec<Leaf>,
+    /// The placements of leaves at rest.
+    pub placements: Vec<Placement>,
+    /// The places of the cameras of perspective views.
+    pub eyes: Vec<DVec3>,
+    /// The wood of plants.
+    pub wood: Vec<Wood>,
+    /// For every shape of a plant's blades, the plant's name and what [`Planted::shapes`] says of it.
+    pub shapes: Vec<(String, (usize, f64, [f64; 2]))>,
+    /// Lawns on the ground.
+    pub grass: Vec<grass::Grass>,
+    /// The ground and its reflectance.
+    pub ground: Option<(LeafMesh, [f64; 3])>,
+    /// The plants that move; `None` where none does.
+    pub winds: Option<Arc<Winds>>,
+    /// Whether this is for a window, where camera, sun and sliders are free.
+    pub free: bool,
+    /// A run's folder with its own fits, among them that of light between leaves.
+    pub out: Option<PathBuf>,
+}
+
+impl Placed {
+    /// Searches for everything that the scene shows.
+    ///
+    /// # Errors
+    /// [`crate::placed::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch
+    /// whose load bends it too far.
+    pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
+        let planted = plant::planted(manifest, ledger)?;
+        let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
+        let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
+        let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+        let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
+        let moves = Moves { winds: winds.as_deref(), grass: false };
+        let leaves = (0..manifest.leaves.len())
+            .map(|k| Leaf::find(manifest, (&placements, moves), k, search, ledger))
+            .collect::<Result<_>>()?;
+        Ok(Placed {
+            leaves,
+            placements,
+            eyes,
+            wood,
+            shapes,
+            grass: grass::lawns(manifest, ledger)?,
+            ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
+            winds,
+            free: search.free,
+            out: search.out.map(Path::to_path_buf),
+        })
+    }
+
+    /// Takes over plants that were changed. They must be as many as the manifest's, with as many leaves.
+    ///
+    /// # Errors
+    /// As [`Winds::new`].
+    pub fn replant(&mut self, manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<()> {
+        let Standing { placements, wood, winds } = stand(manifest, plants, ledger)?;
+        (self.placements, self.wood, self.winds) = (placements, wood, winds);
+        Ok(())
+    }
+
+    /// Everything that moves.
+    pub fn moves(&self) -> Moves<'_> {
+        let grass = self.grass.iter().any(|lawn| lawn.leaning.is_some());
+        Moves { winds: self.winds.as_deref(), grass }
+    }
+
+    /// A placement at a time (s), moved with its plant.
+    pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
+        self.moves().placement(placement, time)
+    }
+
+    /// Leaves that must be fitted before anything can be drawn.
+    pub fn unfitted(&self) -> Vec<usize> {
+        self.leaves.iter().filter(|l| l.used && l.fitted.is_none() && !l.uniform).map(|l| l.index).collect()
+    }
+
+    /// Leaves that have their own fits, but whose translucency maps must be made before anything can be drawn.
+    pub fn untranslucent(&self, manifest: &Manifest) -> Vec<usize> {
+        let lacks = |l: &&Leaf| {
+            let lit_through = manifest.sun.is_some() && l.facing.through.contains(&true);
+            let made = |t: &Translucent| t.source.status == Freshness::Reuse;
+            l.fitted.is_some() && lit_through && l.translucent.as_ref().is_some_and(|t| !made(t))
+        };
+        self.leaves.iter().filter(lacks).map(|l| l.index).collect()
+    }
+
+    /// Searches for one leaf again, after its fit was made.
+    ///
+    /// # Errors
+    /// As [`Placed::new`].
+    pub fn find_again(&mut self, manifest: &Manifest, index: usize, search: Search, ledger: &Ledger) -> Result<()> {
+        let moves = Moves { winds: self.winds.as_deref(), grass: false };
+        let world = (self.placements.as_slice(), moves);
+        self.leaves[index] = Leaf::find(manifest, world, index, search, ledger)?;
+        Ok(())
+    }
+
+    /// A sentence for each leaf whose look is stated and not fitted, with all that is stated.
+    pub fn stated(&self) -> Vec<String> {
+        self.leaves.iter().filter_map(|l| l.fitted.as_ref()?.record.stated_in_one()).collect()
+    }
+
+    /// Makes the maps of leaves whose look is stated, in a run's folder `out`. That takes seconds, unlike a fit.
+    ///
+    /// # Errors
+    /// As [`missing::fit`].
+    pub fn make_looks(&mut self, manifest: &Manifest, out: &Path, search: Search, ledger: &Ledger) -> Result<()> {
+        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look.is_some()) {
+            missing::fit(manifest, index, out, &missing::fit_folder(manifest, index, out), false, ledger)?;
+            self.find_again(manifest, index, Search { out: Some(out), ..search }, ledger)?;
+        }
+        Ok(())
+    }
+
+    /// Makes the missing translucency maps of leaves that have their own fits, in a run's folder `out`.
+    ///
+    /// # Errors
+    /// As `fit translucency`.
+    pub fn make_translucency(
+        &mut self,
+        manifest: &Manifest,
+        out: &Path,
+        search: Search,
+        ledger: &Ledger,
+    ) -> Result<()> {
+        for index in self.untranslucent(manifest) {
+            if let Some(fitted) = &self.leaves[index].fitted {
+                missing::translucency(manifest, index, &fitted.folder, out, ledger)?;
+            }
+            self.find_again(manifest, index, Search { out: Some(out), ..search }, ledger)?;
+        }
+        Ok(())
+    }
+}
+
+/// Plants and single leaves at their places.
+struct Standing {
+    placements: Vec<Placement>,
+    wood: Vec<Wood>,
+    winds: Option<Arc<Winds>>,
+}
+
+/// Places the scene's single leaves and its plants.
+fn stand(manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<Standing> {
+    let mut placements = placement::placements(manifest);
+    let winds = Winds::new(manifest, plants, ledger)?.map(Arc::new);
+    let swaying = |k: usize| winds.as_ref().and_then(|w| w.plants[k].as_ref());
+    let mut wood = Vec::new();
+    for (k, plant) in plants.iter().enumerate() {
+        let leaves = plant.plant.leaves.len();
+        placements.extend(plant.placements().enumerate().map(|(i, rest)| {
+            let section = swaying(k).map(|s| s.sections.of_leaf(i / leaves, i % leaves));
+            Placement { section, ..rest }
+        }));
+        wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
+    }
+    Ok(Standing { placements, wood, winds })
+}
+
+/// Number of cells along a side of the ground in a scene with light between leaves, which is computed at the cells'
+/// corners.
+const CELLS: usize = 48;
+
+/// The ground as a rectangle.
+fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
+    let side = 2.0 * ground.reach_mm.unwrap_or_default();
+    let [x, y] = manifest.periodic.as_ref().map_or([side; 2], |p| p.size_mm);
+    let mut mesh = LeafMesh::rectangle(x, y);
+    if manifest.transfer.is_some() {
+        // The cells are small in the middle, where things stand, and large at the rim.
+        let nodes: Vec<f64> = (0..=CELLS).map(|k| 2.0 * k as f64 / CELLS as f64 - 1.0).collect();
+        let at = |s: f64| 0.5 * side * s * s.abs() * (0.9 * s.abs() + 0.1);
+        mesh = LeafMesh {
+            positions: nodes.iter().flat_map(|v| nodes.iter().map(|u| DVec3::new(at(*u), at(*v), 0.0))).collect(),
+            normals: vec![DVec3::Z; nodes.len().pow(2)],
+            tangents: vec![(DVec3::X, 1.0); nodes.len().pow(2)],
+            uvs: nodes.iter().flat_map(|v| nodes.iter().map(move |u| 0.5 * DVec2::new(1.0 + u, 1.0 - v))).collect(),
+            indices: (0..CELLS as u32)
+                .flat_map(|j| (0..CELLS as u32).map(move |i| j * (CELLS as u32 + 1) + i))
+                .flat_map(|k| {
+                    let up = k + CELLS as u32 + 1;
+                    [k, k + 1, up + 1, k, up + 1, up]
+                })
+                .collect(),
+        };
+    }
+    if let Some(hill) = grass::hill(manifest) {
+        mesh = hilly(&hill, 0.5 * side);
+    }
+    mesh.positions.iter_mut().for_each(|p| p.z += ground.height_mm);
+    mesh
+}
+
+/// Numbers of cells of the ground along a hill's radius, and of radii that have such cells on each side of its top.
+const FINE: i32 = 16;
+const RADII: i32 = 4;
+
+/// The ground with a hill, from −`reach` to `reach`. A cell is a sixteenth of the radius where the hill is, so that
+/// the mesh is lower than the hill by 1/1024 of its height at most, and higher by 1/2300. Beyond four radii, where a
+/// three-thousandth of the height is left, cells end at the rim.
+fn hilly(hill: &Hill, reach: f64) -> LeafMesh {
+    let nodes = |middle: f64| -> Vec<f64> {
+        let fine = (-FINE * RADII..=FINE * RADII).map(|k| middle + hill.radius * f64::from(k) / f64::from(FINE));
+        let within = fine.filter(|x| x.abs() < reach);
+        std::iter::once(-reach).chain(within).chain([reach]).collect()
+    };
+    let (xs, ys) = (nodes(hill.middle.x), nodes(hill.middle.y));
+    let mut mesh = LeafMesh::default();
+    for y in &ys {
+        for x in &xs {
+            let at = DVec2::new(*x, *y);
+            let slope = hill.slope(at);
+            mesh.positions.push(at.extend(hill.rise(at)));
+            mesh.normals.push((-slope).extend(1.0).normalize());
+            mesh.tangents.push((DVec3::new(1.0, 0.0, slope.x).normalize(), 1.0));
+            mesh.uvs.push(DVec2::new(0.5 + 0.5 * x / reach, 0.5 - 0.5 * y / reach));
+        }
+    }
+    let width = xs.len() as u32;
+    for j in 0..ys.len() as u32 - 1 {
+        for k in j * width..j * width + width - 1 {
+            mesh.indices.extend([k, k + 1, k + width + 1, k, k + width + 1, k + width]);
+        }
+    }
+    mesh
+}

@@ -1,0 +1,44 @@
+//! The placements of single leaves. Those of plants ([`super::plant`]) follow them. Lengths are in mm.
+
+use crate::manifest::Manifest;
+use glam::{DMat4, DQuat, DVec3, EulerRot};
+
+/// One leaf at a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Index into the manifest's leaves.
+    pub leaf: usize,
+    /// The transform from the leaf to the world. It is that at rest if something moves the leaf.
+    pub transform: DMat4,
+    /// The section of a plant that the leaf moves with, by its number among the sections of the scene
+    /// ([`super::sections`]).
+    pub section: Option<usize>,
+}
+
+/// The scene's single leaves, in the manifest's order.
+pub fn placements(manifest: &Manifest) -> Vec<Placement> {
+    let placed = |i: &crate::manifest::Instance| {
+        let (turn, place) = (rotation(i.rotation_deg), DVec3::from(i.position_mm));
+        let transform = DMat4::from_scale_rotation_translation(DVec3::splat(i.scale), turn, place);
+        manifest.leaf_index(&i.leaf).map(|leaf| Placement { leaf, transform, section: None })
+    };
+    manifest.instances.iter().filter_map(placed).collect()
+}
+
+/// The rotation about x, then y, then z (degrees).
+pub fn rotation(deg: [f64; 3]) -> DQuat {
+    DQuat::from_euler(EulerRot::ZYX, deg[2].to_radians(), deg[1].to_radians(), deg[0].to_radians())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_apply_x_first_and_z_last() {
+        let q = rotation([90.0, 0.0, 90.0]);
+        // The turn about x maps y to z, and the turn about z leaves this unchanged. The turn about z maps x to y.
+        assert!((q * DVec3::Y - DVec3::Z).length() < 1e-12);
+        assert!((q * DVec3::X - DVec3::Y).length() < 1e-12);
+    }
+}

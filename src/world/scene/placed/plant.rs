@@ -1,0 +1,270 @@
+//! Whole plants of a scene at rest. They are read or grown once, and stand where the manifest says ([`super::winds`]
+//! moves them).
+//!
+//! A plant's materials have names. The manifest says which leaf of the scene is drawn for the blades of a material, and
+//! gives the reflectance of the bark. A leaf is drawn in its own size times the plant's scale and the size that the
+//! plant gives the blade.
+
+use super::overrides;
+use super::placement::{Placement, rotation};
+use super::sections::Bark;
+use crate::manifest::{Manifest, Matter};
+use crate::placed::ledger::Ledger;
+use crate::placed::{Error, Result};
+use glam::{DMat4, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_plants::form::{Branch, Plant};
+use mesophyll_plants::grow::described;
+use mesophyll_plants::import;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+
+/// The largest number of leaves of all plants together. The real-time renderer takes about a kilobyte for each.
+const MOST_LEAVES: usize = 8_000_000;
+
+/// Wood in the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wood {
+    /// Name of the wood in printed text.
+    pub name: String,
+    /// Its triangles.
+    pub mesh: LeafMesh,
+    /// Diffuse reflectance.
+    pub bark: [f64; 3],
+    /// The transform from mesh to world, for every place where it stands.
+    pub places: Vec<DMat4>,
+    /// How its vertices are carried, where something moves it. It then stands at one place only.
+    pub bark_moves: Option<Bark>,
+}
+
+/// A `[[plant]]` of the manifest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planted {
+    /// Name of the plant in printed text.
+    pub name: String,
+    /// Number of plants of the same name before it, and whether there are other plants of this name at all.
+    same: (usize, bool),
+    /// The plant from its file, with what the scene states about its branches.
+    pub plant: Plant,
+    /// The transform from plant to world, for every place where it stands.
+    pub places: Vec<DMat4>,
+    /// The scene's leaf for every blade of the plant.
+    leaves: Vec<usize>,
+    barks: Vec<(String, [f64; 3])>,
+    /// The factor on the size of what is drawn in place of its blades.
+    leaf_scale: f64,
+}
+
+/// Reads or grows every plant.
+///
+/// # Errors
+/// [`Error::Input`] for a file, a description or a fit of a branch that cannot be read, a material that the scene does
+/// not map, a mapped material that the plant lacks, or too many leaves.
+pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
+    let mut out: Vec<Planted> = Vec::new();
+    let mut total = 0;
+    for (index, said) in manifest.plants.iter().enumerate() {
+        let (source, mut plant) = match (&said.file, &said.grow) {
+            (Some(file), _) => {
+                let path = manifest.resolve(file);
+                let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
+                let known = |material: &str| match said.materials.get(material)? {
+                    Matter::Leaf(_) => Some(import::Matter::Leaf),
+                    Matter::Bark(_) => Some(import::Matter::Wood),
+                };
+                let plant = ledger.note("read", file.display().to_string(), bytes, || {
+                    mesophyll_plants::file::read_any(&path, &known)
+                })?;
+                (file, plant)
+            }
+            (None, Some(file)) => {
+                let path = manifest.resolve(file);
+                (file, ledger.note("grow", file.display().to_string(), 0, || described(&path, said.grow_seed))?)
+            }
+            (None, None) => continue,
+        };
+        let stem = source.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        overrides::apply(manifest, index, &mut plant, ledger)?;
+        let one = one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)?;
+        total += one.plant.leaves.len() * one.places.len();
+        if total > MOST_LEAVES {
+            let what = format!("{total} leaves up to here");
+            return Err(Error::unexpected(
+                &manifest.path,
+                &field(index, "count"),
+                what,
+                format!("at most {MOST_LEAVES}"),
+            ));
+        }
+        out.push(one);
+    }
+    for k in 0..out.len() {
+        let same = |p: &&Planted| p.name == out[k].name;
+        let before = out[..k].iter().filter(same).map(|p| p.places.len()).sum();
+        out[k].same = (before, out.iter().filter(same).count() > 1);
+    }
+    let mut names = BTreeSet::new();
+    for (k, one) in out.iter().enumerate() {
+        if let Some(name) = (0..one.places.len()).map(|p| one.name_at(p)).find(|name| !names.insert(name.clone())) {
+            let found = format!("\"{}\", so that two plants are called \"{name}\"", one.name);
+            return Err(Error::unexpected(&manifest.path, &field(k, "name"), found, "another name"));
+        }
+    }
+    Ok(out)
+}
+
+fn field(index: usize, key: &str) -> String {
+    format!("plant {}: {key}", index + 1)
+}
+
+fn one(
+    manifest: &Manifest,
+    index: usize,
+    said: &crate::manifest::Plant,
+    name: String,
+    mut plant: Plant,
+) -> Result<Planted> {
+    let wrong = |what: String| Error::field(&manifest.path, &field(index, "materials"), what);
+    let mut used = BTreeSet::new();
+    let mut leaves = Vec::new();
+    for blade in &plant.blades {
+        used.insert(blade.material.clone());
+        match said.materials.get(&blade.material) {
+            Some(Matter::Leaf(leaf)) => leaves.extend(manifest.leaf_index(leaf)),
+            Some(Matter::Bark(_)) => {
+                return Err(wrong(format!("\"{}\" is a blade's material, expected a leaf's name", blade.material)));
+            }
+            None => return Err(wrong(format!("the plant's material \"{}\" maps to no leaf", blade.material))),
+        }
+    }
+    let mut barks: Vec<(String, [f64; 3])> = Vec::new();
+    for branch in plant.branches.iter().filter(|b| b.wood.triangles() > 0) {
+        if barks.iter().any(|(known, _)| *known == branch.material) {
+            continue;
+        }
+        used.insert(branch.material.clone());
+        match said.materials.get(&branch.material) {
+            Some(Matter::Bark(bark)) => barks.push((branch.material.clone(), *bark)),
+            Some(Matter::Leaf(_)) => {
+                return Err(wrong(format!("\"{}\" is the bark's material, expected [r, g, b]", branch.material)));
+            }
+            None => return Err(wrong(format!("the plant's material \"{}\" maps to no bark", branch.material))),
+        }
+    }
+    if let Some(unused) = said.materials.keys().find(|name| !used.contains(*name)) {
+        let known: Vec<&str> = used.iter().map(String::as_str).collect();
+        return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
+    }
+    sized(&mut plant, said.leaf_scale);
+    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks, leaf_scale: said.leaf_scale })
+}
+
+/// Draws leaves `factor` times as large in place of blades, which themselves stay as they are.
+fn sized(plant: &mut Plant, factor: f64) {
+    if factor != 1.0 {
+        plant.leaves.iter_mut().for_each(|leaf| leaf.transform *= DMat4::from_scale(DVec3::splat(factor)));
+        plant.blades.iter_mut().flat_map(|blade| &mut blade.mesh.positions).for_each(|p| *p /= factor);
+    }
+}
+
+/// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random
+/// places keep a distance from those before them.
+fn places(said: &crate::manifest::Plant) -> Vec<DMat4> {
+    let at = DVec3::from(said.position_mm);
+    let own = |offset: DVec3, azimuth: f64| {
+        DMat4::from_translation(at + offset)
+            * DMat4::from_rotation_z(azimuth)
+            * DMat4::from_quat(rotation(said.rotation_deg))
+            * DMat4::from_scale(DVec3::splat(said.scale))
+    };
+    let Some([width, depth]) = said.area_mm else { return vec![own(DVec3::ZERO, 0.0)] };
+    let mut rng = Pcg64::seed_from_u64(said.seed);
+    let mut found: Vec<DVec3> = Vec::with_capacity(said.count);
+    let mut out = Vec::with_capacity(said.count);
+    for _ in 0..said.count {
+        // Mitchell's best candidate of a few: the one that is farthest from all others.
+        let mut best = (DVec3::ZERO, -1.0);
+        for _ in 0..8 {
+            let (x, y) = (rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5);
+            let place = DVec3::new(width * x, depth * y, 0.0);
+            let free = found.iter().map(|p| p.distance_squared(place)).fold(f64::INFINITY, f64::min);
+            if free > best.1 {
+                best = (place, free);
+            }
+        }
+        found.push(best.0);
+        out.push(own(best.0, TAU * rng.random::<f64>()));
+    }
+    out
+}
+
+impl Planted {
+    /// The name of the plant at a place. It has a number, counted from 1, where several plants in the scene have this
+    /// name.
+    pub fn name_at(&self, place: usize) -> String {
+        let (before, others) = self.same;
+        match others || self.places.len() > 1 {
+            true => format!("{} {}", self.name, before + place + 1),
+            false => self.name.clone(),
+        }
+    }
+
+    /// Its leaves at all its places.
+    pub fn placements(&self) -> impl Iterator<Item = Placement> {
+        self.places.iter().flat_map(|place| {
+            self.plant.leaves.iter().map(|leaf| Placement {
+                leaf: self.leaves[leaf.blade],
+                transform: *place * leaf.transform,
+                section: None,
+            })
+        })
+    }
+
+    /// The plant as its file has it: without the scene's `leaf_scale`.
+    pub fn own(&self) -> Plant {
+        let mut plant = self.plant.clone();
+        sized(&mut plant, 1.0 / self.leaf_scale);
+        plant
+    }
+
+    /// For every shape of its blades, the scene's leaf that is drawn for it, how large the shape is (mm across), the
+    /// factor by which the plant enlarges the leaf, and the part of `leaf_scale` in this.
+    pub fn shapes(&self) -> impl Iterator<Item = (usize, f64, [f64; 2])> {
+        let own = self.leaf_scale;
+        let scale = self.places.first().map_or(1.0, |place| place.x_axis.truncate().length()) * own;
+        let across = self.plant.blades.iter().map(move |blade| 2.0 * blade.mesh.bounds().1 * scale);
+        self.leaves.iter().copied().zip(across).map(move |(leaf, across)| (leaf, across, [scale, own]))
+    }
+
+    fn made_of(&self, material: &str) -> impl Iterator<Item = (usize, &Branch)> {
+        self.plant.branches.iter().enumerate().filter(move |(_, b)| b.material == material)
+    }
+
+    /// The branches of each wood of [`Planted::wood`], with their numbers, in the order in which their bark follows
+    /// there.
+    pub fn barks(&self) -> impl Iterator<Item = impl Iterator<Item = (usize, &Branch)>> {
+        self.barks.iter().map(|(material, _)| self.made_of(material))
+    }
+
+    /// Its wood, with one mesh for each material.
+    pub fn wood(&self) -> Vec<Wood> {
+        self.barks
+            .iter()
+            .map(|(material, bark)| {
+                let mut mesh = LeafMesh::default();
+                for (_, branch) in self.made_of(material) {
+                    mesh.append(&branch.wood, branch.frame());
+                }
+                Wood {
+                    name: format!("{} {material}", self.name),
+                    mesh,
+                    bark: *bark,
+                    places: self.places.clone(),
+                    bark_moves: None,
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,116 @@
+//! The cross-sections of a plant's branches that carry something: one for each leaf, and those of the bark's vertices.
+//! Both renderers move plants by these alone.
+
+use super::plant::{Planted, Wood};
+use glam::DMat4;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_plants::form::Joint;
+use mesophyll_plants::pose::bark::Carriers;
+use mesophyll_plants::pose::{Pose, Rigid};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// The number of sections that are worth a thread of their own.
+const SHARE: usize = 256;
+
+/// The sections of one plant, which are the same at each of its places.
+#[derive(Debug)]
+pub struct Sections {
+    /// Branch and share of its axis: those of the leaves in their order, then those of the bark.
+    on: Vec<(usize, f64)>,
+    leaves: usize,
+    /// For each wood of [`Planted::wood`], the section that carries each vertex.
+    bark: Vec<Arc<Vec<u32>>>,
+    /// Number of the plant's first section among those of the scene.
+    first: usize,
+    places: Vec<DMat4>,
+}
+
+/// How the bark of a plant that moves is carried.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bark {
+    /// Number of the plant's first section among those of the scene.
+    pub first: usize,
+    /// The section of each vertex, counted from there.
+    pub of_vertices: Arc<Vec<u32>>,
+}
+
+impl Sections {
+    /// The sections of a plant. They follow the `first` sections of the scene.
+    pub fn new(planted: &Planted, first: usize) -> Sections {
+        let mut on: Vec<(usize, f64)> = planted.plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at)).collect();
+        let bark = planted.barks().map(|branches| {
+            let mut of_vertices = Vec::new();
+            for (k, branch) in branches {
+                let own = Carriers::new(branch);
+                let first = on.len() as u32;
+                on.extend(own.at.iter().map(|at| (k, *at)));
+                of_vertices.extend(own.of_vertices.iter().map(|section| first + section));
+            }
+            Arc::new(of_vertices)
+        });
+        let bark = bark.collect();
+        Sections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
+    }
+
+    /// Branch and share of its axis of every section of a place. Those of the leaves come first, in the leaves' order.
+    pub fn on(&self) -> &[(usize, f64)] {
+        &self.on
+    }
+
+    /// The transforms from plant to world.
+    pub fn places(&self) -> &[DMat4] {
+        &self.places
+    }
+
+    /// Number of the first section after these.
+    pub fn end(&self) -> usize {
+        self.first + self.places.len() * self.on.len()
+    }
+
+    /// Number of the section of leaf `leaf` at a place.
+    pub fn of_leaf(&self, place: usize, leaf: usize) -> usize {
+        self.first + place * self.on.len() + leaf
+    }
+
+    /// The motions from rest of the sections of a place in a pose, in world space.
+    pub fn at(&self, place: usize, pose: &Pose) -> Vec<Rigid> {
+        let to_world = self.places[place];
+        let own = |(k, (branch, at)): (usize, &(usize, f64))| match k < self.leaves {
+            true => pose.leaf(k, Joint { branch: *branch, at: *at }),
+            false => pose.at(*branch, *at),
+        };
+        let all = self.on.par_iter().enumerate().with_min_len(SHARE);
+        all.map(|section| own(section).moved(to_world)).collect()
+    }
+
+    /// The plant's wood, separate for every place, because each bends differently.
+    pub fn wood(&self, rest: Vec<Wood>) -> Vec<Wood> {
+        let at = |(k, place): (usize, &DMat4)| {
+            let first = self.of_leaf(k, 0);
+            let wood = rest.iter().zip(&self.bark).map(|(wood, of_vertices)| {
+                let bark = Some(Bark { first, of_vertices: of_vertices.clone() });
+                Wood { places: vec![*place], bark_moves: bark, ..wood.clone() }
+            });
+            wood.collect::<Vec<Wood>>()
+        };
+        self.places.iter().enumerate().flat_map(at).collect()
+    }
+}
+
+impl Wood {
+    /// Its mesh in its own frame, moved by the scene's sections; `None` where none carries it.
+    pub fn moved(&self, sections: &[Rigid]) -> Option<LeafMesh> {
+        let (bark, place) = (self.bark_moves.as_ref()?, self.places.first()?);
+        let back = place.inverse();
+        let mut mesh = self.mesh.clone();
+        for (k, own) in bark.of_vertices.iter().enumerate() {
+            let by = &sections[bark.first + *own as usize];
+            let turned = |v| back.transform_vector3(by.turn * place.transform_vector3(v));
+            mesh.positions[k] = back.transform_point3(by.place(place.transform_point3(mesh.positions[k])));
+            mesh.normals[k] = turned(mesh.normals[k]);
+            mesh.tangents[k].0 = turned(mesh.tangents[k].0);
+        }
+        Some(mesh)
+    }
+}

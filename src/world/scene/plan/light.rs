@@ -1,0 +1,222 @@
+//! The plan of the light: sun, shadow maps and sky; and the models that this scene does not use.
+
+use super::accuracy::{self, Row};
+use super::between::sun_visibility;
+use super::{LeftOut, Need, Plan};
+use crate::Result;
+use crate::manifest::{Manifest, Sky, ViewKind};
+use crate::placed::Placed;
+use crate::placed::daylight::{Daylight, levels, sun_direction};
+use crate::placed::facing;
+use glam::DVec3;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_sky::SkyModel;
+use mesophyll_transport::tone::display;
+use std::time::Instant;
+
+/// Texels along a side of a shadow map.
+const SHADOW_SIDE: u64 = 2048;
+
+/// Decides about sun, shadows and sky. Where camera and sun are free, shadows are always possible.
+///
+/// # Errors
+/// [`crate::Error::Input`] for a physical sky that the model refuses.
+pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()> {
+    let free = placed.free || manifest.sun_moves();
+    let shadow_bytes = SHADOW_SIDE * SHADOW_SIDE * 4;
+    match (&manifest.sun, sun_direction(manifest)) {
+        (Some(sun), Some(direction)) => {
+            plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
+            let radius = sun.radius_deg.to_radians();
+            let meshes: Vec<Option<&LeafMesh>> = placed.leaves.iter().map(|l| l.mesh.as_ref()).collect();
+            let leaves_alone = !free && placed.wood.is_empty();
+            let beforehand = sun_visibility(manifest, placed).is_ok();
+            match leaves_alone.then(|| facing::shadows(&meshes, &placed.placements, direction, radius)) {
+                Some(Err(why)) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
+                _ if beforehand && placed.ground.is_none() => {
+                    let why = "every vertex knows beforehand what it sees of the sun";
+                    plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None));
+                }
+                _ => shadows(manifest, placed, plan, radius, shadow_bytes),
+            }
+        }
+        _ => {
+            let why = "the scene has no sun: no light loop in the shader, no shadow pass";
+            plan.leave_out(LeftOut::new("sun and shadow maps", why, shadow_bytes, None));
+        }
+    }
+    match &manifest.sky {
+        Some(sky) if sky.model.is_some() => physical_sky(manifest, sky, plan)?,
+        Some(sky) if sky.environment.is_some() => {
+            let n = plan.light.sky_bands * plan.light.sky_bands;
+            let what = format!("a picture: {n}x3 coefficients, summed over it; drawn behind the leaves");
+            plan.need(Need { bytes: Some(16 * n as u64), ..Need::new("sky", what) });
+        }
+        Some(_) => plan.need(Need::new(
+            "sky",
+            "constant: three numbers, and the lobe's directional albedo where a side is glossy",
+        )),
+        None => plan.leave_out(LeftOut::new("sky", "the scene has none: its term is not in the shader", 0, None)),
+    }
+    let mut need = Need::new("multisampling", "edges show");
+    need.amount = Some(format!("{} samples a pixel", plan.light.msaa));
+    plan.need(need);
+    Ok(())
+}
+
+/// Decides how many bands light the leaves, and whether their coefficients are integrated once or come from the
+/// polynomials.
+fn physical_sky(manifest: &Manifest, sky: &Sky, plan: &mut Plan) -> Result<()> {
+    let Some(daylight) = Daylight::of(manifest)? else { return Ok(()) };
+    let mut rows = Vec::new();
+    for bands in [3usize, 5, 7] {
+        let start = Instant::now();
+        let error = daylight.truncation(&[bands], manifest.exposure)?[0];
+        rows.push(Row {
+            setting: bands,
+            error,
+            ms: start.elapsed().as_secs_f64() * 1e3,
+            bytes: (16 * bands * bands) as u64,
+        });
+    }
+    let row = plan.choose("sky bands", rows, manifest.tolerated());
+    let glossy = plan.leaves.iter().any(|l| l.sides.iter().any(|s| s.gloss));
+    // A highlight is sharper than diffuse light, so gloss needs all bands.
+    plan.light.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
+    let n = plan.light.sky_bands * plan.light.sky_bands;
+    let polynomials = plan.light.sun_moves && sky.model == Some(SkyModel::Preetham);
+    let how = if polynomials { "from the polynomials" } else { "integrated for this sun and turbidity" };
+    let mut need = Need::new(
+        "sky",
+        format!(
+            "{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves",
+            sky.model.unwrap_or_default(),
+            daylight.turbidity
+        ),
+    );
+    if let Some(row) = row {
+        let cost = plan.measured["sky bands"]
+            .iter()
+            .find(|r| r.setting == plan.light.sky_bands)
+            .map_or(row.error, |r| r.error);
+        need.amount =
+            Some(format!("{} bands, displayed error of diffuse light {cost:.1e} (measured)", plan.light.sky_bands));
+    }
+    need.bytes = Some(16 * n as u64);
+    plan.need(need);
+    if polynomials {
+        let mut need = Need::new(
+            "sky polynomial (spherical harmonics)",
+            "the sun moves: fit sky makes it, milliseconds, before the first picture",
+        );
+        need.amount = Some("7 bands, sun zenith 0 to 90 degrees, turbidity 2.5 to 6".into());
+        plan.need(need);
+    }
+    Ok(())
+}
+
+fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, map_bytes: u64) {
+    // Balls around the leaves bound how far a shadow falls, and how wide a leaf is relative to its penumbra.
+    let around: Vec<Option<(DVec3, f64)>> =
+        placed.leaves.iter().map(|leaf| leaf.mesh.as_ref().map(LeafMesh::bounds)).collect();
+    let spheres: Vec<(DVec3, f64)> = placed
+        .placements
+        .iter()
+        .filter_map(|p| {
+            around[p.leaf].map(|(c, r)| (p.transform.transform_point3(c), r * p.transform.x_axis.truncate().length()))
+        })
+        .collect();
+    let reach = reach(&spheres);
+    let leaf = spheres.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
+    let share = if spheres.is_empty() { 1.0 } else { (2.0 * radius.tan() * reach / (2.0 * leaf)).min(1.0) };
+    let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
+    let (sun, sky) = levels(manifest);
+    let (sun, sky) = (mean(&sun) / std::f64::consts::PI, mean(&sky));
+    // A leaf reflects about a tenth of the light.
+    let contrast = display(0.1 * (sun + sky), manifest.exposure) - display(0.1 * sky, manifest.exposure);
+    let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerated());
+    let mut need = match sun_visibility(manifest, placed) {
+        Ok(()) => Need::new("shadow maps", "leaves throw shadows on the ground, which are too small for its vertices"),
+        Err(_) => Need::new("shadow maps", "leaves can stand in each other's light"),
+    };
+    if let Some(row) = row {
+        plan.light.shadow_samples = row.setting as u32;
+        plan.light.shadow_resolution = SHADOW_SIDE as u32;
+        need.amount = Some(format!(
+            "{} over the sun's disk, {SHADOW_SIDE} texels a side, displayed error {:.1e} (measured)",
+            row.setting, row.error
+        ));
+        need.bytes = Some(row.bytes);
+    }
+    plan.need(need);
+}
+
+/// The largest distance (mm) between points of any two of these balls. Balls far from the middle are tried first. A
+/// pair cannot be farther apart than both are from the middle together, so that most pairs need no look.
+fn reach(balls: &[(DVec3, f64)]) -> f64 {
+    let Some((first, _)) = balls.first() else { return 0.0 };
+    let (low, high) = balls.iter().fold((*first, *first), |(l, h), (p, _)| (l.min(*p), h.max(*p)));
+    let middle = 0.5 * (low + high);
+    let mut from_middle: Vec<(f64, DVec3, f64)> = balls.iter().map(|(p, r)| (p.distance(middle) + r, *p, *r)).collect();
+    from_middle.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut reach = 0.0f64;
+    for (far, a, ra) in &from_middle {
+        let hopeful = from_middle.iter().take_while(|(other, ..)| far + other > reach);
+        let found = hopeful.map(|(_, b, rb)| a.distance(*b) + ra + rb).fold(0.0, f64::max);
+        if found == 0.0 {
+            break;
+        }
+        reach = reach.max(found);
+    }
+    reach
+}
+
+/// Lists models that scenes of plants may have and this one does not.
+pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
+    // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
+    let polynomial = 14 * 8 * 49 * 3 * 8;
+    let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height \
+     and turbidity";
+    let why = match (&manifest.sky, &manifest.sun) {
+        (Some(sky), _) if sky.model.is_some() => fixed,
+        (Some(sky), _) if sky.environment.is_some() => "a picture does not follow the sun: its coefficients are summed",
+        (Some(_), _) => {
+            "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity"
+        }
+        _ => "the scene has no sky",
+    };
+    if !plan.light.sun_moves {
+        plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
+    }
+    let texels: u64 = plan.leaves.iter().map(|l| (l.size[0] * l.size[1]) as u64).sum();
+    if placed.leaves.iter().all(|l| l.translucent.is_none()) {
+        let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
+        plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 2, None));
+    }
+    if manifest.views.iter().all(|v| v.kind != ViewKind::Card) {
+        plan.leave_out(LeftOut::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reach is that of all pairs, which are looked at one by one.
+    #[test]
+    fn no_pair_reaches_farther() {
+        let mut seed = 7u64;
+        let mut next = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64
+        };
+        for shape in [DVec3::ONE, DVec3::new(9.0, 1.0, 0.1), DVec3::ZERO] {
+            for count in [0, 1, 2, 300] {
+                let mut ball = || (DVec3::new(next(), next(), next()) * 50.0 * shape, 4.0 * next() * next());
+                let balls: Vec<(DVec3, f64)> = (0..count).map(|_| ball()).collect();
+                let pairs = balls.iter().flat_map(|(a, r)| balls.iter().map(move |(b, q)| a.distance(*b) + r + q));
+                assert_eq!(reach(&balls), pairs.fold(0.0, f64::max), "{shape} {count}");
+            }
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! A scene as one file for the viewer in a browser.
+
+use crate::draw::handover;
+use crate::loaded::Scene;
+use crate::manifest::{Interior, Manifest, ViewKind};
+use crate::placed::ledger::Ledger;
+use crate::{Error, Result};
+use mesophyll_files::quantity::Quantity;
+use mesophyll_optics::side::Sides;
+use mesophyll_transport::environment::Environment;
+use mesophyll_viewer::ball_around;
+use mesophyll_web::bundle::{Bundle, LeafSlabs, SideSlab, Still, View};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Columns of the picture of a sky, which would be most of the file otherwise.
+const SKY: usize = 1024;
+
+/// Everything that the browser needs of a scene. `pictures` is the folder of a run or check, whose reference pictures
+/// are taken over. The plants stand as in the first view.
+///
+/// # Errors
+/// [`Error::Input`] where a map or a picture cannot be read, or where the scene has no perspective view.
+pub fn bundle(scene: &Scene, pictures: &Path, ledger: &Ledger) -> Result<Bundle> {
+    let manifest = &scene.manifest;
+    let seen = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+    let Some(first) = seen().next() else {
+        return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view"));
+    };
+    let time_s = manifest.time_of(first);
+    let mut drawn = handover::shown(scene, ledger)?;
+    if let Some(wind) = &mut drawn.wind {
+        wind.time_s = time_s;
+    }
+    if let Some(picture) = drawn.dome.as_mut().and_then(|dome| dome.picture.as_mut()) {
+        let [width, height] = [picture.width, picture.height].map(|n| n as usize);
+        let map = Environment::new(width, height, picture.texels.to_vec()).map_err(Error::Usage)?.reduced(SKY);
+        let (width, height, texels) = map.texels();
+        (picture.width, picture.height, picture.texels) = (width as u32, height as u32, Arc::new(texels.to_vec()));
+    }
+    let size = [manifest.check.width, manifest.check.height];
+    let view = |v: &crate::manifest::View| -> Result<View> {
+        // Reference pictures have no bloom, and they show the plants at their own view's time.
+        let same = manifest.time_of(v) == time_s && drawn.bloom.is_none();
+        let path = pictures.join(format!("{}-reference.png", v.name));
+        let reference = if same && path.is_file() { Some(picture(&path, size)?) } else { None };
+        Ok(View { name: v.name.clone(), camera: handover::camera(v), size, reference })
+    };
+    let views = seen().map(view).collect::<Result<Vec<View>>>()?;
+    let still = Still::of(&drawn);
+    Ok(Bundle {
+        title: manifest.name.clone(),
+        program: format!("mesophyll {}", env!("CARGO_PKG_VERSION")),
+        still,
+        views,
+        leaves: slabs(scene)?,
+        scene: drawn,
+    })
+}
+
+/// The leaves whose σ are one number for the whole leaf. A leaf with a map of σ is shown as fitted.
+fn slabs(scene: &Scene) -> Result<Vec<LeafSlabs>> {
+    let mut out = Vec::new();
+    // `drawn` has the order of the renderer's materials.
+    for (material, leaf) in scene.drawn().enumerate() {
+        let Some(fitted) =
+            leaf.placed.fitted.as_ref().filter(|_| leaf.placed.interior(leaf.config) == Interior::Scalars)
+        else {
+            continue;
+        };
+        let sides = Sides::try_of(|side| {
+            if !(fitted.has(side) && leaf.plan.sides[side as usize].interior()) {
+                return Ok(None);
+            }
+            let rgb = |quantity| fitted.rgb(side, quantity);
+            Ok::<_, Error>(Some(SideSlab { sigma_a: rgb(Quantity::SigmaA)?, sigma_s: rgb(Quantity::SigmaS)? }))
+        })?;
+        out.push(LeafSlabs { material, thickness_mm: fitted.thickness(fitted.lead())?, sides });
+    }
+    Ok(out)
+}
+
+/// The bytes of a PNG file, which must have this size.
+fn picture(path: &Path, size: [u32; 2]) -> Result<Vec<u8>> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, e))?;
+    // A PNG file begins with 8 bytes of its own, the length and name of the first part, and the picture's size.
+    let side = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes);
+    let [width, height] = size;
+    if [side(16), side(20)] != [Some(width), Some(height)] {
+        let found = [side(16), side(20)].map(|s| s.unwrap_or(0).to_string()).join("x");
+        let what = format!("found a picture of {found} pixels, expected {width}x{height}; `mesophyll check` draws it");
+        return Err(Error::input(path, what));
+    }
+    Ok(bytes)
+}
+
+/// A scene around a fitted leaf, in sun and a constant sky.
+///
+/// # Errors
+/// [`Error::Input`] where the folder holds no fit of a leaf.
+pub fn around(fit: &Path) -> Result<Manifest> {
+    let fit = std::path::absolute(fit).map_err(|e| Error::input(fit, e))?;
+    let name = fit.file_name().map_or("leaf".into(), |n| n.to_string_lossy().into_owned());
+    let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
+    Manifest::parse(&text, &fit.join("fit.toml"))
+}
+
+/// The scene around a fit. Its cameras are moved by `aim`, because leaves differ in size.
+const AROUND: &str = r#"
+schema = 1
+name = NAME
+exposure = 2.0
+
+[[leaf]]
+name = NAME
+fit = "."
+
+[[instance]]
+leaf = NAME
+
+[sun]
+zenith_deg = 40
+azimuth_deg = 120
+irradiance = [3.0, 2.9, 2.7]
+
+[sky]
+radiance = [0.25, 0.30, 0.40]
+
+[[view]]
+name = "front"
+kind = "perspective"
+eye_mm = [0, -60, 80]
+target_mm = [0, 0, 0]
+fov_deg = 30
+
+[[view]]
+name = "back"
+kind = "perspective"
+eye_mm = [0, -60, -80]
+target_mm = [0, 0, 0]
+fov_deg = 30
+
+[check]
+width = 800
+height = 600
+"#;
+
+/// Moves every camera along its line of sight until the whole scene is in its picture.
+pub fn aim(bundle: &mut Bundle) {
+    let (centre, radius) = ball_around(&bundle.scene);
+    for view in &mut bundle.views {
+        let towards = (view.camera.eye - view.camera.target).normalize();
+        let half = 0.5 * view.camera.fov_y_deg.to_radians();
+        (view.camera.target, view.camera.eye) = (centre, centre + towards * radius / half.sin());
+    }
+}
