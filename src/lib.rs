@@ -75,6 +75,7 @@ pub use mesophyll_proof as proof;
 pub use mesophyll_report as report;
 pub use mesophyll_scene as scene;
 pub use mesophyll_sky as sky;
+pub use mesophyll_synth as synth;
 pub use mesophyll_transport as transport;
 
 pub mod cli;

@@ -5,5 +5,6 @@ pub mod error;
 pub mod fourier;
 pub mod processor;
 pub mod quadrature;
+pub mod random;
 pub mod solve;
 pub mod surface;

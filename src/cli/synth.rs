@@ -6,16 +6,16 @@ use super::Common;
 use crate::cli::named::named;
 use crate::cli::{Error, Result};
 use mesophyll_capture::beams::manifest::Beam;
-use mesophyll_capture::beams::synth as beams;
-use mesophyll_capture::dome::synth as dome;
 use mesophyll_capture::kind::Kind;
-use mesophyll_capture::photo::synth as photo;
-use mesophyll_capture::synth::leaf::Leaf;
-use mesophyll_capture::synth::scan::{self, Options};
-use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::{claim, progress};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
+use mesophyll_synth::beams;
+use mesophyll_synth::dome;
+use mesophyll_synth::leaf::Leaf;
+use mesophyll_synth::photo;
+use mesophyll_synth::scan::{self, Options};
+use mesophyll_synth::spec::{Model, Spec};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

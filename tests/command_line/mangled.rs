@@ -7,13 +7,13 @@
 
 use mesophyll::capture::dome::manifest::Manifest as DomeManifest;
 use mesophyll::capture::manifest::Manifest;
-use mesophyll::capture::synth::spec::Spec as LeafSpec;
 use mesophyll::files::table::{Record, Table};
 use mesophyll::files::{gltf_file, image, mesh};
 use mesophyll::fits::gloss::geometry::Geometry;
 use mesophyll::fits::record::FitRecord;
 use mesophyll::plants::grow::meadow::Meadow;
 use mesophyll::plants::grow::spec::Spec as PlantSpec;
+use mesophyll::synth::spec::Spec as LeafSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::{Path, PathBuf};

@@ -1,10 +1,10 @@
 //! Captures under a dome are synthesised, read and reduced, and compared with the truth that they were made from.
 
-use mesophyll::capture::dome::synth::{self, Blade, Options};
 use mesophyll::capture::dome::{Capture, Reduced, reduce};
-use mesophyll::capture::synth::spec::{Model, Spec};
 use mesophyll::files::image::{self, Maps, Packing};
 use mesophyll::optics::side::Side;
+use mesophyll::synth::dome::{self, Blade, Options};
+use mesophyll::synth::spec::{Model, Spec};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -25,7 +25,7 @@ fn captured(folder: &Path, noise: f64, height_noise_mm: f64) -> PathBuf {
     };
     let blade = Blade::grow(&spec, &options).unwrap().unwrap();
     let out = folder.join("capture");
-    synth::capture(&spec, &blade, &options, &out).unwrap();
+    dome::capture(&spec, &blade, &options, &out).unwrap();
     out
 }
 

@@ -2,11 +2,11 @@
 
 use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
 use mesophyll::capture::photo::{Manifest, reduce};
-use mesophyll::capture::synth::spec::Spec;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::fits::leaf_folder::LeafFit;
 use mesophyll::optics::side::Side;
 use mesophyll::optics::slab::exact;
+use mesophyll::synth::spec::Spec;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

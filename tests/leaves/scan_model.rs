@@ -1,8 +1,8 @@
 //! The code that synthesises a scan and the code that fits it are different. Here their results are compared.
 
-use mesophyll::capture::synth::illumination::Device;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::tube::{Model, Precision, Travel, Tube};
+use mesophyll::synth::illumination::Device;
 
 #[test]
 fn synthesis_and_fit_see_the_same_texel() {

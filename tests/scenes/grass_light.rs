@@ -194,8 +194,7 @@ fn a_lawn_takes_the_slices_of_a_fit() {
     let dir = tempfile::tempdir().unwrap();
     let grass = GRASS.replace("slices = 5\ntexels = [64, 16]", "fit = \"slices\"");
     let path = file(dir.path(), &grass, GROUND);
-    let options =
-        grass::Options { slices: 4, texels: [32, 8], rays: 1, entries: 6, view: false, ..Default::default() };
+    let options = grass::Options { slices: 4, texels: [32, 8], rays: 1, entries: 6, view: false, ..Default::default() };
     grass::run(&dir.path().join("meadow.toml"), &dir.path().join("slices"), &options).unwrap();
     let open = || {
         let ledger = Ledger::new();

@@ -16,7 +16,6 @@ pub mod manifest;
 pub mod photo;
 pub mod pigments;
 pub mod reader;
-pub mod synth;
 
 pub use inspect::inspect;
 

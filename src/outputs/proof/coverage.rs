@@ -6,7 +6,6 @@
 //! them whose truth lies inside the interval.
 
 use crate::stress::StressRow;
-use mesophyll_capture::synth::illumination::Device as Scanner;
 use mesophyll_fits::gloss::synthetic::{Noise, device, ramp};
 use mesophyll_fits::gloss::{TexelFitter, Undetermined, normal_of};
 use mesophyll_fits::leaf::curve::Incidence;
@@ -14,6 +13,7 @@ use mesophyll_fits::leaf::wide::{self, Common, Settings, Texel};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab::{exact, inverse};
 use mesophyll_optics::tube::Travel;
+use mesophyll_synth::illumination::Device as Scanner;
 use rayon::prelude::*;
 use std::time::Instant;
 

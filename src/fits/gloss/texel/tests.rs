@@ -37,7 +37,7 @@ fn exact_traces_give_back_the_truth() {
 /// error relative to what the stated errors allow. A fit fails where it did not converge without saying so, or where it
 /// promises a value that is off by six of its errors.
 fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
-    use mesophyll_capture::synth::illumination::Device as Scanner;
+    use mesophyll_synth::illumination::Device as Scanner;
     let d = device(lobe, noise);
     let scanner = Scanner::new(d.tube(), Travel::X, 55.0);
     let xs = pass_x(100);

@@ -20,8 +20,8 @@ pub use predict::{Predictor, Scratch, Texel, texel_of};
 pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
 
 use crate::record::scan::{HeldOut, LightBox, Scan, off};
+use mesophyll_base::random::Stream;
 use mesophyll_capture::manifest::Manifest;
-use mesophyll_capture::synth::random::Stream;
 use mesophyll_optics::tube::Travel;
 
 /// A pass with fewer frames than this keeps all of them for the fit: a texel has nine parameters, and every frame is

@@ -2,7 +2,7 @@
 //! seeded noise, the sun's disk, and a sensor that clips.
 
 use super::projection::Projection;
-use mesophyll_capture::synth::random::Stream;
+use mesophyll_base::random::Stream;
 use mesophyll_files::image::Maps;
 use mesophyll_sky::{Sky, irradiance, project};
 use std::f64::consts::PI;

@@ -4,8 +4,7 @@
 
 use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues};
 use crate::translucency::Result;
-use mesophyll_capture::beams::synth::slanting;
-use mesophyll_capture::synth::random::Stream;
+use mesophyll_base::random::Stream;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::blade::Blade;
@@ -14,6 +13,7 @@ use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use mesophyll_optics::translucency::levels::Levels;
 use mesophyll_optics::translucency::lights::raised;
+use mesophyll_synth::beams::slanting;
 
 /// Cosine of the angle between the blade's normal and a light at this elevation.
 fn cosine(elevation: f64) -> f64 {

@@ -15,8 +15,8 @@
 use super::Measured;
 use super::model::Model;
 use crate::translucency::Result;
+use mesophyll_base::random::Stream;
 use mesophyll_capture::dome::smooth::{Kernel, pass};
-use mesophyll_capture::synth::random::Stream;
 use mesophyll_optics::side::mirror;
 use nalgebra::{DMatrix, DVector};
 

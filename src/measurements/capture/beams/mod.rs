@@ -9,7 +9,6 @@
 pub mod inspect;
 pub mod manifest;
 pub mod reader;
-pub mod synth;
 
 pub use manifest::Manifest;
 pub use reader::Capture;

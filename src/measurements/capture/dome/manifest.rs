@@ -181,6 +181,6 @@ pub fn white_path(folder: &Path) -> PathBuf {
 }
 
 /// `CAPTURE/backlight_empty.exr`: the back light without the leaf.
-pub(crate) fn empty_path(folder: &Path) -> PathBuf {
+pub fn empty_path(folder: &Path) -> PathBuf {
     folder.join("backlight_empty.exr")
 }

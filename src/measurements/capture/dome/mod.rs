@@ -15,10 +15,7 @@ pub mod reader;
 pub mod reduce;
 mod shape;
 pub mod smooth;
-pub mod synth;
-mod through;
-mod veil;
-mod visible;
+pub mod visible;
 
 pub use manifest::Manifest;
 pub use reader::Capture;

@@ -45,7 +45,7 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::random::Stream;
+    use mesophyll_base::random::Stream;
 
     #[test]
     fn the_noise_is_found_on_a_slope() {

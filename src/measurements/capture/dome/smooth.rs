@@ -121,7 +121,7 @@ pub fn pass(values: &[f64], width: usize, kernel: &Kernel) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::random::Stream;
+    use mesophyll_base::random::Stream;
 
     #[test]
     fn a_plane_stays_a_plane_inside_and_holes_are_filled() {

@@ -15,7 +15,7 @@ const DARK: [f64; 2] = [1.33, 0.6];
 
 /// How much more of even light the slab that reflects `rho_d` and lets `rho_t` through of a beam along the normal
 /// reflects, and how much more it lets through: [reflected/ρd, through/ρt].
-pub(super) fn over_normal(rho_d: f64, rho_t: f64) -> [f64; 2] {
+pub fn over_normal(rho_d: f64, rho_t: f64) -> [f64; 2] {
     let (d, t) = (rho_d.max(1e-3), rho_t.max(1e-4));
     let scale = (0.98 / (d + t)).min(1.0);
     let (d, t) = (d * scale, t * scale);
@@ -37,7 +37,7 @@ pub(super) fn over_normal(rho_d: f64, rho_t: f64) -> [f64; 2] {
 }
 
 /// The share of even light that a smooth surface of refractive index `n` ≥ 1 reflects.
-pub(super) fn fresnel(n: f64) -> f64 {
+pub fn fresnel(n: f64) -> f64 {
     if n < 1.0 + 1e-4 {
         return 0.0;
     }

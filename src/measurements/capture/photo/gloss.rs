@@ -91,7 +91,7 @@ fn index(share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::random::Stream;
+    use mesophyll_base::random::Stream;
 
     fn manifest(gloss: &str) -> Manifest {
         let text = format!(

@@ -127,7 +127,7 @@ pub(super) fn grid(folder: &Path, m: &Manifest, mask: &[bool], picture: &Picture
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::random::Stream;
+    use mesophyll_base::random::Stream;
 
     /// White noise in a picture that is further away, as near, and three times as near as the front's, and turned a
     /// little: means over texels scatter by what a square of [`Grid::read`] pixels does.

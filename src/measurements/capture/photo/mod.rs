@@ -11,12 +11,11 @@
 
 mod coded;
 pub mod colours;
-mod diffuse;
+pub mod diffuse;
 mod faint;
 mod gloss;
 mod grid;
 mod inspect;
-mod leaf_light;
 mod light;
 pub mod manifest;
 mod noise;
@@ -28,7 +27,6 @@ mod register;
 mod returned;
 mod ruler;
 mod shade;
-pub mod synth;
 mod table;
 mod texture;
 mod views;

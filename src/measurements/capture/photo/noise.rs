@@ -121,7 +121,7 @@ fn of_squares(picture: &Picture, [left, top, width, height]: [usize; 4], side: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::random::Stream;
+    use mesophyll_base::random::Stream;
 
     const W: usize = 480;
     const H: usize = 360;

@@ -85,7 +85,7 @@ pub(super) fn returned(m: &Manifest, seen: [Seen; 2], gloss: [&Gloss; 2]) -> [Re
 mod tests {
     use super::*;
     use crate::dome::highlight::Highlight;
-    use crate::synth::slab_truth::{gauss_legendre, response_at};
+    use mesophyll_synth::slab_truth::{gauss_legendre, response_at};
 
     /// A slab of known σ between sheet, table and camera; the truth is solved by doubling, at Gauss's cosines.
     #[test]

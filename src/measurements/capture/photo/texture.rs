@@ -75,7 +75,7 @@ fn texture(grid: &Grid, mask: &[bool], map: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::photo::register::{Mask, register};
-    use crate::synth::random::Stream;
+    use mesophyll_base::random::Stream;
 
     const W: usize = 200;
     const H: usize = 140;

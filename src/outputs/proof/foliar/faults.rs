@@ -3,7 +3,7 @@
 
 use super::stress::row;
 use crate::stress::StressRow;
-use mesophyll_capture::synth::random::Stream;
+use mesophyll_base::random::Stream;
 use mesophyll_fits::foliar::surface::Setting;
 use mesophyll_fits::foliar::{Known, Model, Parameter, Reading};
 use mesophyll_optics::foliar::pigments::{Constants, Spectrum};

@@ -8,15 +8,15 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_capture::synth::leaf::Leaf;
-use mesophyll_capture::synth::scan;
-use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
 use mesophyll_fits::leaf::{self, Options};
 use mesophyll_fits::record::FitRecord;
 use mesophyll_fits::record::maker::Outcome;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
+use mesophyll_synth::leaf::Leaf;
+use mesophyll_synth::scan;
+use mesophyll_synth::spec::{Interior, Model, Spec, Surface};
 use std::path::Path;
 use std::time::Instant;
 

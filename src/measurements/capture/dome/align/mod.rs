@@ -10,7 +10,7 @@
 
 use super::noise::{deviation, median};
 use super::smooth::{Kernel, pass, smooth};
-use crate::synth::random::Stream;
+use mesophyll_base::random::Stream;
 use serde::Serialize;
 
 /// Widths of smoothing that are tried (texels).

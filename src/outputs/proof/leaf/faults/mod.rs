@@ -6,14 +6,14 @@ mod put;
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_capture::synth::leaf::Leaf;
-use mesophyll_capture::synth::scan;
-use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::image::read_exr;
 use mesophyll_fits::leaf::{self, Options};
 use mesophyll_fits::record::maker::Outcome;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
+use mesophyll_synth::leaf::Leaf;
+use mesophyll_synth::scan;
+use mesophyll_synth::spec::{Model, Spec};
 use put::{
     both_sides, change, every, exchange, exchange_ends, flip, frame, manifest, noisy, put, reverse, scale, shift, srgb,
 };

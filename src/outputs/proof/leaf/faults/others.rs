@@ -5,9 +5,9 @@ use super::put::{change, flip, scale, shift};
 use super::{LEAF, copy, judged};
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_capture::dome::synth as dome;
-use mesophyll_capture::photo::synth as photo;
-use mesophyll_capture::synth::spec::{Model, Spec};
+use mesophyll_synth::dome;
+use mesophyll_synth::photo;
+use mesophyll_synth::spec::{Model, Spec};
 use std::path::Path;
 
 /// A fault, and what must be said of it.

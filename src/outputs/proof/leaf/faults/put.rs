@@ -2,7 +2,7 @@
 
 use super::FRAMES;
 use crate::{Error, Result};
-use mesophyll_capture::synth::random::Stream;
+use mesophyll_base::random::Stream;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use std::path::{Path, PathBuf};
 

@@ -123,12 +123,12 @@ mod tests {
     use super::super::rows::apart;
     use super::super::{FINE, PAPER_TISSUE, candidates, piece};
     use super::*;
-    use mesophyll_capture::synth::spec::Spec;
     use mesophyll_fits::translucency::spread::BINS;
     use mesophyll_optics::side::Side;
     use mesophyll_optics::translucency::basis::{Basis, Weights};
     use mesophyll_optics::translucency::blade::Blade;
     use mesophyll_optics::translucency::lights::Rule;
+    use mesophyll_synth::spec::Spec;
 
     fn elm() -> Spec {
         include_str!("../../../../../data/leaves/elm.toml").parse().unwrap()

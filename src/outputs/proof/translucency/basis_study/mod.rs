@@ -14,8 +14,6 @@ pub use judge::{Judge, Outcome};
 pub use rows::{PIECES, rows};
 
 use crate::{Error, Result};
-use mesophyll_capture::synth::leaf::Leaf;
-use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
@@ -23,6 +21,8 @@ use mesophyll_optics::translucency::basis::{Basis, Weights};
 use mesophyll_optics::translucency::blade::{Blade, Surface};
 use mesophyll_optics::translucency::lights::Rule;
 use mesophyll_optics::translucency::relief;
+use mesophyll_synth::leaf::Leaf;
+use mesophyll_synth::spec::{Model, Spec};
 
 /// The directions with which bases are judged.
 pub const FINE: Rule = Rule::Product { levels: 16, azimuths: 32 };

@@ -10,15 +10,15 @@ use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use mesophyll_capture::inspect::inspect;
 use mesophyll_capture::reader::Capture;
-use mesophyll_capture::synth::leaf::Leaf as Grown;
-use mesophyll_capture::synth::{
-    scan,
-    spec::{Model, Spec},
-};
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fits::leaf as fit;
 use mesophyll_fits::translucency as through;
 use mesophyll_optics::tube::Travel;
+use mesophyll_synth::leaf::Leaf as Grown;
+use mesophyll_synth::{
+    scan,
+    spec::{Model, Spec},
+};
 use std::path::{Path, PathBuf};
 
 /// The options for the fit of a scene's leaf: the lobe with which it will be drawn.

@@ -2,10 +2,10 @@
 
 use crate::manifest::{Leaf, Manifest, Scan};
 use crate::placed::{Error, Result};
-use mesophyll_capture::synth::spec::Spec;
 use mesophyll_files::hash;
 use mesophyll_fits::look::Look;
 use mesophyll_fits::record::FitRecord;
+use mesophyll_synth::spec::Spec;
 use std::path::{Path, PathBuf};
 
 /// The state of a leaf's fit.

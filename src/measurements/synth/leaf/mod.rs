@@ -5,10 +5,10 @@
 
 use super::interior::{Interior, Tissue};
 use super::outline::Blade;
-use super::random::{mesh, noise};
 use super::spec::{Model, Spec, Surface};
 use super::veins::Network;
-use crate::manifest::texel_position;
+use mesophyll_base::random::{mesh, noise};
+use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::gloss::Lobe;

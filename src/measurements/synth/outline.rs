@@ -1,7 +1,7 @@
 //! The blade's contour with its teeth, in mm: base at the left, tip at the right, centred in the field.
 
-use super::random::{Stream, noise};
 use super::spec::{Margin, Outline};
+use mesophyll_base::random::{Stream, noise};
 
 /// A closed contour and its coordinate frame.
 #[derive(Debug, Clone)]

@@ -12,20 +12,21 @@
 //! Scans: heights towards each camera with white noise, both smoothed by the scanner's filter. Each scan has its own
 //! zero and tilt.
 
-use super::manifest::{Manifest, Picture, empty_path, white_path};
-use super::smooth::{Kernel, pass, smooth};
-use super::through::{REACH_MM, through};
-use super::veil::Veil;
-use super::visible::visible;
-use crate::kind::Kind;
-use crate::manifest::texel_position;
-use crate::synth::leaf::{GrownSide, Leaf, Window, crop, texel_size};
-use crate::synth::preview;
-use crate::synth::random::Stream;
-use crate::synth::scan::{SHOTS, gain, stop_if_asked, write_frame};
-use crate::synth::sensor::Sensor;
-use crate::synth::spec::{Model, Spec};
+mod through;
+mod veil;
+
+use crate::leaf::{GrownSide, Leaf, Window, crop, texel_size};
+use crate::preview;
+use crate::scan::{SHOTS, gain, stop_if_asked, write_frame};
+use crate::sensor::Sensor;
+use crate::spec::{Model, Spec};
 use crate::{Error, Result};
+use mesophyll_base::random::Stream;
+use mesophyll_capture::dome::manifest::{Manifest, Picture, empty_path, white_path};
+use mesophyll_capture::dome::smooth::{Kernel, pass, smooth};
+use mesophyll_capture::dome::visible::visible;
+use mesophyll_capture::kind::Kind;
+use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
@@ -33,6 +34,8 @@ use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::blade as optics;
 use std::path::{Path, PathBuf};
+use through::{REACH_MM, through};
+use veil::Veil;
 
 /// How a specification is photographed and scanned.
 #[derive(Debug, Clone)]
@@ -197,7 +200,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         scan.push("Y", scanned(&blade.height[s], &mask, leaf, options, s as u64));
         write_exr(&Picture::Height.path(folder, name), &scan, Packing::Raw)?;
         let truth = truth(blade, name, shown, s);
-        write_exr(&crate::truth_path(folder, name), &truth, Packing::Zip)?;
+        write_exr(&mesophyll_capture::truth_path(folder, name), &truth, Packing::Zip)?;
         preview::write(folder, leaf, name)?;
         bar.advance(1);
     }

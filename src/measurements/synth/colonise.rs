@@ -2,9 +2,9 @@
 //! spread over the lamina, and their tips join into meshes. Lengths in mm.
 
 use super::outline::Blade;
-use super::random::Stream;
 use super::spec::Veins;
 use super::veins::{Network, Piece, cell, distance};
+use mesophyll_base::random::Stream;
 use std::collections::HashMap;
 use std::f64::consts::PI;
 

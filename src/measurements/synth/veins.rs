@@ -4,8 +4,8 @@
 
 use super::colonise::colonise;
 use super::outline::Blade;
-use super::random::Stream;
 use super::spec::{Veins, Venation};
+use mesophyll_base::random::Stream;
 use std::f64::consts::PI;
 
 /// A straight piece of a vein; radii (half widths) at both ends.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::synth::slab_truth;
+use crate::slab_truth;
 
 fn elm(model: Model) -> (Spec, Leaf) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/leaves/elm.toml");

@@ -11,10 +11,10 @@
 //!
 //! A flat uniform leaf shows its ρt. A vein's shadow is softened. Next to a hole or the outline some light is lost.
 
-use super::visible::visible;
 use crate::Result;
-use crate::synth::leaf::{GrownSide, Leaf};
-use crate::synth::slab_truth::Table;
+use crate::leaf::{GrownSide, Leaf};
+use crate::slab_truth::Table;
+use mesophyll_capture::dome::visible::visible;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
@@ -73,7 +73,7 @@ fn tissue(side: &GrownSide, c: usize) -> Tissue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::slab_truth::response;
+    use crate::slab_truth::response;
     use mesophyll_optics::gloss::Lobe;
 
     const W: usize = 96;

@@ -5,7 +5,8 @@
 //! channel and interpolated. The error is 1e-6 for absorptions from .02 to 4, and 3e-5 from 0 to [`DEEPEST`].
 
 use super::slab_truth::Axis;
-use crate::{Error, Result, pigments};
+use crate::{Error, Result};
+use mesophyll_capture::pigments;
 use mesophyll_optics::foliar::exact::{self, Prepared};
 use mesophyll_optics::foliar::pigments::{Constants, Contents};
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path};

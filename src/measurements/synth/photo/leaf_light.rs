@@ -2,10 +2,10 @@
 //! what lies behind it. Nothing here is shared with the reduction. Every texel has the slab of the specification at its
 //! own thickness, solved by doubling at Gauss's cosines, and a rough dielectric surface.
 
-use crate::dome::smooth::{Kernel, smooth};
-use crate::dome::synth::Blade;
-use crate::synth::leaf::{GrownSide, Leaf};
-use crate::synth::slab_truth::{Table, gauss_legendre};
+use crate::dome::Blade;
+use crate::leaf::{GrownSide, Leaf};
+use crate::slab_truth::{Table, gauss_legendre};
+use mesophyll_capture::dome::smooth::{Kernel, smooth};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::mirror;
 
@@ -120,7 +120,7 @@ pub(super) fn on_table(blade: &Blade, round: &[AllRound; 2], table: f64, spread_
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photo::diffuse::over_normal;
+    use mesophyll_capture::photo::diffuse::over_normal;
     use mesophyll_optics::gloss::fresnel;
     use mesophyll_optics::slab::exact::response;
 

@@ -1,7 +1,7 @@
 //! The camera's sensor: seeded noise, three 16-bit exposures, each eight times longer than the next, saturation, and
 //! the merging of the exposures. Values are in the units of a capture (1 = white texel under an infinite tube).
 
-use super::random::Stream;
+use mesophyll_base::random::Stream;
 
 /// Factor between exposure times.
 const STEP: f64 = 8.0;

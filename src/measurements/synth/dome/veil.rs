@@ -2,7 +2,7 @@
 //! leaf's own colour as a veil. It is given per unit ρs. The view is along the blade's normal; the surface leans by the
 //! cosine `lean` and has the roughness `m`. It is used for synthesis only: the reduction does not use a lobe.
 
-use crate::synth::slab_truth::gauss_legendre;
+use crate::slab_truth::gauss_legendre;
 use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 

@@ -5,11 +5,11 @@
 use super::illumination::Device;
 use super::leaf::{GrownSide, Leaf};
 use super::preview;
-use super::random::Stream;
 use super::sensor::{EXPOSURES, Sensor};
 use super::spec::{Model, Spec};
-use crate::manifest::{self, LightBox, Manifest, Pass, texel_position};
 use crate::{Error, Result};
+use mesophyll_base::random::Stream;
+use mesophyll_capture::manifest::{self, LightBox, Manifest, Pass, texel_position};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::{Bar, stop_requested};
@@ -79,7 +79,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
     mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
     write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
     for side in Side::ALL {
-        write_exr(&crate::truth_path(folder, side), &leaf.truth(side), Packing::Zip)?;
+        write_exr(&mesophyll_capture::truth_path(folder, side), &leaf.truth(side), Packing::Zip)?;
         preview::write(folder, leaf, side)?;
     }
     let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;

@@ -7,14 +7,14 @@
 //! and all light that reaches the far side leaves. For a patch the leaf is grown wider than the picture, so that light
 //! comes in over its border.
 
-use super::manifest::{Beam, Manifest};
-use crate::kind::Kind;
-use crate::synth::leaf::{Leaf, Window, texel_size};
-use crate::synth::preview;
-use crate::synth::random::Stream;
-use crate::synth::scan::stop_if_asked;
-use crate::synth::spec::{Model, Spec};
+use crate::leaf::{Leaf, Window, texel_size};
+use crate::preview;
+use crate::scan::stop_if_asked;
+use crate::spec::{Model, Spec};
 use crate::{Error, Result};
+use mesophyll_base::random::Stream;
+use mesophyll_capture::beams::manifest::{Beam, Manifest};
+use mesophyll_capture::kind::Kind;
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
@@ -268,7 +268,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
         // As the unlit side's camera sees it; off the leaf there are no readings.
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
         let mut maps = Maps::new(w, h);
-        for (channel, name) in shown.iter().zip(crate::reader::RGB) {
+        for (channel, name) in shown.iter().zip(mesophyll_capture::reader::RGB) {
             let seen: Vec<f32> =
                 channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
             maps.push(name, mirror(&seen, w));
@@ -282,7 +282,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
         for (channel, values) in &all.channels {
             truth.push(channel, grown.crop(values));
         }
-        write_exr(&crate::truth_path(folder, side), &truth, Packing::Zip)?;
+        write_exr(&mesophyll_capture::truth_path(folder, side), &truth, Packing::Zip)?;
         preview::write(folder, &grown.leaf, side)?;
     }
     let manifest = Manifest {

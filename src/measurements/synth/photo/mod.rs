@@ -1,21 +1,23 @@
 //! Synthesis of photographs of a leaf from a specification: both sides on a black sheet in open shade, with a grey card
 //! and a ruler, and the leaf on a light table. The leaf is the blade that a dome would photograph
-//! ([`crate::dome::synth`]), with light that travels sideways through it and slopes that see less of the
+//! ([`crate::dome`]), with light that travels sideways through it and slopes that see less of the
 //! sky.
 //!
 //! The plane of the sheet is measured in pixels of the front's picture, so that the truth has its texels. The camera is
 //! moved for every other picture: turned, shifted and raised. What a capture states (card, sheet, table, thickness,
 //! marks) differs from the truth by errors of the stated size.
 
-use super::leaf_light::{both_round, on_table, shaded};
-use super::manifest::{Gloss, Manifest, Ruler, Shade, Stated, Table, Transfer};
-use crate::dome::synth::{Blade, index_of, truth};
-use crate::kind::Kind;
-use crate::photo::{Error, Result};
-use crate::synth::preview;
-use crate::synth::random::Stream;
-use crate::synth::scan::stop_if_asked;
-use crate::synth::spec::{Model, Spec};
+mod leaf_light;
+
+use crate::dome::{Blade, index_of, truth};
+use crate::preview;
+use crate::scan::stop_if_asked;
+use crate::spec::{Model, Spec};
+use crate::{Error, Result};
+use leaf_light::{both_round, on_table, shaded};
+use mesophyll_base::random::Stream;
+use mesophyll_capture::kind::Kind;
+use mesophyll_capture::photo::manifest::{Gloss, Manifest, Ruler, Shade, Stated, Table, Transfer};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_optics::side::Side;
@@ -68,7 +70,7 @@ pub fn grow(spec: &Spec, options: &Options) -> Result<Option<Blade>> {
     let (w, h) = (options.width as f64, options.height as f64);
     let pixel_mm = (spec.field_mm[0] / w).max(spec.field_mm[1] / (FIELD * h));
     let down = 0.5 * (1.0 - FIELD) * h * pixel_mm;
-    let options = crate::dome::synth::Options {
+    let options = crate::dome::Options {
         width: options.width,
         height: options.height,
         patch: Some((w * pixel_mm, [0.0, -down])),
@@ -196,7 +198,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     }
     put("table_bare.exr", 3, &|p| [lamp(p, [w, h]); 3])?;
     for (s, side) in [Side::Front, Side::Back].into_iter().enumerate() {
-        write_exr(&crate::truth_path(folder, side), &truth(blade, side, &blade.shown[s], s), Packing::Zip)?;
+        write_exr(&mesophyll_capture::truth_path(folder, side), &truth(blade, side, &blade.shown[s], s), Packing::Zip)?;
         preview::write(folder, leaf, side)?;
     }
     let card_of = |pose: &Pose| {

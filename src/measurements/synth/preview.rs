@@ -12,7 +12,7 @@ const TILE: usize = 720;
 
 /// Writes the six maps of a side as tiles of one PNG, beside the truth in the folder of a capture.
 pub fn write(capture: &Path, leaf: &Leaf, side: Side) -> Result<()> {
-    let path = crate::truth_path(capture, side).with_extension("png");
+    let path = mesophyll_capture::truth_path(capture, side).with_extension("png");
     let mask = leaf.mask_of(side);
     let side = leaf.side(side);
     let by = leaf.width.div_ceil(TILE);
