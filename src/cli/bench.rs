@@ -8,7 +8,7 @@ use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::{atomic, progress};
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_report::{bench_plots, rows};
+use mesophyll_proof::{bench_charts, tables};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -58,7 +58,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let text = serde_json::to_string_pretty(&serde_json::json!({ "rows": all }))
             .map_err(|e| Error::Missed(e.to_string()))?;
         atomic::write_bytes(&folder.join("bench.json"), format!("{text}\n").as_bytes())?;
-        let mut files = bench_plots::write(&all, folder)?;
+        let mut files = bench_charts::write(&all, folder)?;
         for draw in wanted.iter().filter_map(|(_, sweep)| sweep.pictures) {
             files.extend(draw(folder)?);
         }
@@ -69,7 +69,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if common.json {
         super::print_json(&serde_json::json!({ "rows": all }))?;
     } else {
-        super::print(&rows::bench_table(&all))?;
+        super::print(&tables::bench_table(&all))?;
     }
     Ok(0)
 }

@@ -6,7 +6,7 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::{grass, render};
 
 #[cfg(feature = "render")]
-use mesophyll_check::{far as drawn_far, lawns as drawn_lawns, trees as drawn_trees};
+use mesophyll_proof::pictures::{far as drawn_far, lawns as drawn_lawns, trees as drawn_trees};
 
 /// Nothing that draws: no steps and no rows.
 #[cfg(not(feature = "render"))]
@@ -25,25 +25,13 @@ pub const FOLIAGE: u64 = 1 + drawn_far::PIECES;
 pub const LAWNS: u64 = grass::bench::PIECES + drawn_lawns::PIECES;
 pub const TREES: u64 = drawn_trees::PIECES;
 
-#[cfg(feature = "render")]
-fn rows_of(model: &str, rows: Vec<mesophyll_check::Row>) -> impl Iterator<Item = BenchRow> {
-    rows.into_iter().map(move |row| BenchRow {
-        model: model.into(),
-        knob: row.knob.into(),
-        setting: row.setting,
-        error: row.error,
-        us: row.us,
-        note: row.note,
-    })
-}
-
 /// Rays among leaves, and a drawn plant from near to far.
 pub fn foliage(bar: &Bar) -> Result<Vec<BenchRow>> {
     #[allow(unused_mut)]
     let mut rows = render::bench::bench_rows()?;
     bar.step()?;
     #[cfg(feature = "render")]
-    rows.extend(rows_of("render", drawn_far::rows(bar)?));
+    rows.extend(drawn_far::rows(bar)?);
     Ok(rows)
 }
 
@@ -52,14 +40,14 @@ pub fn lawns(bar: &Bar) -> Result<Vec<BenchRow>> {
     #[allow(unused_mut)]
     let mut rows = grass::bench::rows(bar)?;
     #[cfg(feature = "render")]
-    rows.extend(rows_of("grass", drawn_lawns::rows(bar)?));
+    rows.extend(drawn_lawns::rows(bar)?);
     Ok(rows)
 }
 
 /// What a tree's motion costs beside drawing it.
 #[cfg(feature = "render")]
 pub fn trees(bar: &Bar) -> Result<Vec<BenchRow>> {
-    Ok(rows_of("wind", drawn_trees::rows(bar)?).collect())
+    drawn_trees::rows(bar)
 }
 
 /// No rows, and a message that says why.

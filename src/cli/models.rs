@@ -11,7 +11,6 @@ use mesophyll_proof::{
     beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver, transfer,
     translucency, transport, visibility, wind,
 };
-use mesophyll_report as report;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
@@ -162,7 +161,7 @@ pub const MODELS: [Model; 26] = [
         ),
         eval: verb!(eval::sky, "Spherical harmonics of a sky from the sun's zenith angle and turbidity"),
         bench: Some(Sweep {
-            pictures: Some(|folder| report::sky::pictures(folder, &sky::figures::all(500)?)),
+            pictures: Some(|folder| sky::charts::pictures(folder, &sky::figures::all(500)?)),
             ..sweep!(sky::bench::bench_rows)
         }),
         stress: Some(sky::stress::rows),
@@ -183,7 +182,7 @@ pub const MODELS: [Model; 26] = [
             steps: translucency::bench::PIECES,
             rows: translucency::bench::rows,
             pictures: Some(|folder| {
-                Ok(vec![report::basis_charts::write(folder, &translucency::basis_study::histograms()?)?])
+                Ok(vec![translucency::basis_charts::write(folder, &translucency::basis_study::histograms()?)?])
             }),
             peers: None,
         }),
@@ -253,7 +252,7 @@ pub const MODELS: [Model; 26] = [
         name: "abm",
         eval: verb!(eval::abm, "Light reflected, absorbed and let through by the layers of a leaf, by rays or exactly"),
         bench: Some(Sweep {
-            pictures: Some(report::foliar::pictures),
+            pictures: Some(foliar::charts::pictures),
             peers: Some((include_str!("../../tests/peers/foliar_peers.py"), foliar::peers::inputs)),
             ..sweep!(foliar::bench::rows)
         }),

@@ -5,7 +5,7 @@ use crate::cli::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::progress;
 use mesophyll_proof::stress::StressRow;
-use mesophyll_report::rows;
+use mesophyll_proof::tables;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -65,7 +65,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let rows: Vec<Shown> = all.iter().cloned().map(Shown::new).collect();
         super::print_json(&serde_json::json!({ "rows": rows }))?;
     } else {
-        super::print(&rows::stress_table(&all))?;
+        super::print(&tables::stress_table(&all))?;
     }
     let missed: Vec<String> = all
         .iter()

@@ -3,11 +3,11 @@
 use crate::lawn::{GRASS, GROUND, SIDE, SOIL, agree, even, file, lawn_with, rays, renderer};
 use crate::skips;
 use glam::{DVec2, DVec3, Vec3};
-use mesophyll::check::ridge::{Silhouettes, silhouettes};
 use mesophyll::fits::grass::hill::Hill;
 use mesophyll::fits::grass::judge::seen;
 use mesophyll::fits::grass::march::{Across, Crossing};
 use mesophyll::fits::grass::sheet::CHANNELS;
+use mesophyll::proof::pictures::ridge::{Silhouettes, silhouettes};
 use mesophyll::scene::draw::reference;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;

@@ -4,11 +4,11 @@
 use crate::grass_pass::beside_twins;
 use crate::lawn::{GRASS, GROUND, STILL, file, lawn_of, renderer};
 use glam::{DVec2, DVec3, Vec3};
-use mesophyll::check::repeats::{autocorrelation, largest};
 use mesophyll::fits::grass::blades::Meadow;
 use mesophyll::fits::grass::irregular::{SHIFTS, shifted};
 use mesophyll::fits::grass::march::{Across, Crossing, Slices};
 use mesophyll::fits::grass::{Options, baked, optics, plant};
+use mesophyll::proof::pictures::repeats::{autocorrelation, largest};
 use mesophyll::scene::draw::reference;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;

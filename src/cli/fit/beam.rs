@@ -11,8 +11,8 @@ use mesophyll_fits::branch::beam::measured::Along;
 use mesophyll_fits::branch::beam::record::Asked;
 use mesophyll_fits::branch::beam::{self, basis, deflections, record};
 use mesophyll_plants::mechanics::load::Load;
+use mesophyll_proof::beam::charts;
 use mesophyll_proof::beam::figures;
-use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
 
 /// CSV column `alpha` → `c2,c4,max_error` (u = c2 x² + c4 x⁴ by least squares over even samples; largest error over all
@@ -89,7 +89,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
         if let Some(folder) = &args.pictures {
             let _claim = claim::folder(folder, Kind::Pictures, &[])?;
-            let files = beam_charts::write(folder, &figures::all())?;
+            let files = charts::write(folder, &figures::all())?;
             if common.json && !args.basis {
                 crate::cli::print_json(&serde_json::json!({ "written": files }))?;
             }

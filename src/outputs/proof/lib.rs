@@ -6,6 +6,7 @@
 
 pub mod beam;
 pub mod bench;
+pub mod bench_charts;
 pub mod coverage;
 pub mod foliar;
 pub mod gloss;
@@ -14,6 +15,8 @@ pub mod leaf;
 pub mod motion;
 pub mod nist;
 pub mod peers;
+#[cfg(feature = "render")]
+pub mod pictures;
 mod precise;
 pub mod render;
 pub mod scene;
@@ -21,6 +24,7 @@ pub mod sky;
 pub mod slab;
 pub mod solver;
 pub mod stress;
+pub mod tables;
 pub mod tissue;
 pub mod transfer;
 pub mod translucency;

@@ -3,7 +3,20 @@
 
 use crate::model::{Picture, Texels};
 use crate::values::{self, Values};
+use plotters::style::RGBColor;
 use std::sync::OnceLock;
+
+/// Colours that readers with any kind of colour vision can tell apart (Okabe and Ito, "Color universal design", 2008).
+pub const COLORS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(60, 60, 60),
+    RGBColor(150, 150, 150),
+];
 
 /// 255 colours of a scale.
 pub type Scale = [[u8; 3]; 255];

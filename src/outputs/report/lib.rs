@@ -3,15 +3,11 @@
 
 #![warn(missing_docs)]
 
-pub mod basis_charts;
-pub mod beam_charts;
-pub mod bench_plots;
 mod captures;
 mod chart;
 mod colour;
 mod compare;
 pub mod figure;
-pub mod foliar;
 mod held_out;
 mod html;
 pub mod layers;
@@ -24,10 +20,8 @@ mod quantity;
 mod read;
 mod repack;
 mod residuals;
-pub mod rows;
 mod scene;
 mod size;
-pub mod sky;
 pub mod spectrum;
 mod stats;
 mod translucency;
@@ -35,6 +29,7 @@ mod values;
 mod verdict;
 mod view;
 
+pub use colour::COLORS;
 pub use model::{Level, Reason, Report, Verdict};
 use size::Detail;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! Pictures of spectra: quantities over wavelength, or over another quantity, one picture for each leaf.
 
-use super::rows::COLORS;
+use super::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use plotters::coord::Shift;

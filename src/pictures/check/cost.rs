@@ -78,7 +78,8 @@ pub fn term(
     Ok(Some(Term { ms: Some(times.map(|t| median(&t))), operations }))
 }
 
-pub(crate) fn median(list: &[f64]) -> f64 {
+/// The median; 0 for an empty list.
+pub fn median(list: &[f64]) -> f64 {
     let mut sorted = list.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)

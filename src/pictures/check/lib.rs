@@ -11,23 +11,18 @@ pub mod blocks;
 mod capture;
 mod card;
 pub mod consistency;
-mod cost;
+pub mod cost;
 pub mod day;
-pub mod far;
 mod frames;
 pub mod golden;
 pub mod interiors;
 pub mod kept;
-pub mod lawns;
 pub mod methods;
 mod perspective;
 mod pictures;
 mod proof;
-pub mod repeats;
 mod report;
-pub mod ridge;
 mod smooth;
-pub mod trees;
 mod verify;
 
 pub use capture::CaptureReport;
@@ -60,21 +55,6 @@ pub struct Options {
     pub frames: Option<usize>,
     /// When the program began, for the time until the first frame.
     pub begun: Option<Instant>,
-}
-
-/// One setting of a sweep that draws, with the error of its picture (NaN where there is none) and the time of a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// The knob that was changed.
-    pub knob: &'static str,
-    /// The knob's setting, and what was drawn how.
-    pub setting: String,
-    /// 99th percentile of FLIP against the picture that the note names.
-    pub error: f64,
-    /// Median time of a frame (µs).
-    pub us: f64,
-    /// Further remarks.
-    pub note: String,
 }
 
 /// Opens the adapter.

@@ -1,10 +1,11 @@
 //! Error against run time as SVG, one picture for each model. A model whose knobs are called `GROUP: KNOB` gets one
 //! panel for each group.
 
-use super::rows::{COLORS, names};
+use crate::bench::BenchRow;
+use crate::tables::names;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_proof::bench::BenchRow;
+use mesophyll_report::COLORS;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};

@@ -1,12 +1,12 @@
 //! The pictures of the sky's fits: the frontier, errors by band, the worst case and the ringing, as SVG.
 
-use super::rows::COLORS;
-use crate::{Error, Result};
-use mesophyll_files::atomic;
-use mesophyll_proof::sky::figures::{
+use crate::sky::figures::{
     Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Figures,
     Point,
 };
+use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_report::COLORS;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::ops::Range;

@@ -4,9 +4,10 @@
 //!
 //! As in the table, shadow maps are drawn for each frame, at rest too.
 
-use crate::cost::median;
-use crate::{Row, told};
+use super::BenchRow;
 use mesophyll_base::error::{Error, Result};
+use mesophyll_check::cost::median;
+use mesophyll_check::told;
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::Scene;
@@ -36,7 +37,7 @@ pub(crate) const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, 
         {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 4, "type": "VEC3"},
         {"bufferView": 0, "byteOffset": 24, "componentType": 5126, "count": 4, "type": "VEC2"},
         {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}]}"#;
-pub(crate) const TREE: &str = include_str!("../../../data/plants/wych-elm.toml");
+pub(crate) const TREE: &str = include_str!("../../../../data/plants/wych-elm.toml");
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [800, 600];
 /// How many frames are drawn at a time: the first number of them without being timed, then the second number. A GPU
@@ -231,7 +232,7 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera, pairs:
 /// # Errors
 /// Those of opening the adapter, of reading and of drawing, and [`mesophyll_base::error::Error::Interrupted`] after a
 /// stop.
-pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
+pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let open = || gpu::Renderer::headless(&gpu::Options::default());
     let mut pair = match (open(), open()) {
         (Err(gpu::Error::NoAdapter), _) | (_, Err(gpu::Error::NoAdapter)) => {
@@ -260,8 +261,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
         }
         let vertices: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh].positions.len()).sum();
         let [still, moving, ms] = way.printed;
-        rows.push(Row {
-            knob: "Table 4.3",
+        rows.push(BenchRow {
+            model: "wind".into(),
+            knob: "Table 4.3".into(),
             setting: format!("{}: at rest", way.name),
             error: f64::NAN,
             us: seen.still,
@@ -273,8 +275,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
                 if software { "" } else { ", which draws while the processor prepares the next frame" }
             ),
         });
-        rows.push(Row {
-            knob: "Table 4.3",
+        rows.push(BenchRow {
+            model: "wind".into(),
+            knob: "Table 4.3".into(),
             setting: format!("{}: in motion", way.name),
             error,
             us: seen.moving,

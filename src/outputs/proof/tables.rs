@@ -1,8 +1,7 @@
 //! Tables of stress and bench rows.
 
-use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::stress::StressRow;
-use plotters::style::RGBColor;
+use crate::bench::BenchRow;
+use crate::stress::StressRow;
 
 /// Longest cell of a table, except in the last column. Longer cells end in `…` (JSON has them in full).
 const WIDEST: usize = 48;
@@ -104,18 +103,6 @@ pub(super) fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<String> {
     }
     seen
 }
-
-/// Colours that readers with any kind of colour vision can tell apart (Okabe and Ito, "Color universal design", 2008).
-pub(super) const COLORS: [RGBColor; 8] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(230, 159, 0),
-    RGBColor(60, 60, 60),
-    RGBColor(150, 150, 150),
-];
 
 #[cfg(test)]
 mod tests {

@@ -1,9 +1,9 @@
 //! Pictures of branches for the documentation: error against coefficients, length errors, shapes and spectra.
 
-use super::rows::COLORS;
+use crate::beam::figures::{Curve, Figures};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_proof::beam::figures::{Curve, Figures};
+use mesophyll_report::COLORS;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,10 @@
 //! Pictures of the layered leaf: shares of light over the angle of incidence, and polar plots of where light leaves.
 
-use super::rows::COLORS;
+use crate::foliar::figures::{self, Curve};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
-use mesophyll_proof::foliar::figures::{self, Curve};
+use mesophyll_report::COLORS;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};

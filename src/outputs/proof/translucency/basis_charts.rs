@@ -1,11 +1,11 @@
 //! The error histograms of the directional bases (H7 Fig. 12): how far the reconstruction by a few functions is from
 //! the full convolution, at three light angles.
 
-use super::rows::COLORS;
+use crate::translucency::basis_study::Outcome;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_fits::translucency::spread::Spread;
-use mesophyll_proof::translucency::basis_study::Outcome;
+use mesophyll_report::COLORS;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -149,7 +149,7 @@ fn histogram(area: &Area, outcomes: &[Outcome], angle: usize) -> Drawn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_proof::translucency::basis_study;
+    use crate::translucency::basis_study;
 
     fn outcome(case: &str, which: usize, errors: &[f64]) -> Outcome {
         let spread = |elevation: f64, step: f64| Spread::of(elevation, step, errors.iter().map(|e| [1.0 + e, 1.0]));

@@ -1,9 +1,10 @@
 //! How high a lawn stands out over the ridge of a hill: drawn as slices, by rays that meet blades, and what the hill
 //! without grass would show. It is the view `ridge` of data/grass/scenes/hill.toml.
 
-use crate::{Row, told};
+use super::BenchRow;
 use glam::{DMat4, DVec3};
 use mesophyll_base::error::{Error, Result};
+use mesophyll_check::told;
 use mesophyll_files::atomic;
 use mesophyll_fits::grass::hill::Hill;
 use mesophyll_scene::draw::{handover, reference};
@@ -16,8 +17,8 @@ use mesophyll_transport::render::Lens;
 use mesophyll_viewer as gpu;
 use rayon::prelude::*;
 
-const SCENE: &str = include_str!("../../../data/grass/scenes/hill.toml");
-const LAWN: &str = include_str!("../../../data/grass/lawn.toml");
+const SCENE: &str = include_str!("../../../../data/grass/scenes/hill.toml");
+const LAWN: &str = include_str!("../../../../data/grass/lawn.toml");
 /// Rays along each side of a pixel.
 const RAYS: usize = 4;
 
@@ -100,10 +101,11 @@ fn meets(hill: &Hill, ray: &Ray, reach: f64) -> bool {
 ///
 /// # Errors
 /// Those of [`silhouettes`].
-pub fn row(renderer: &mut gpu::Renderer) -> Result<Row> {
+pub fn row(renderer: &mut gpu::Renderer) -> Result<BenchRow> {
     let found = silhouettes(renderer, 360)?;
-    Ok(Row {
-        knob: "silhouette",
+    Ok(BenchRow {
+        model: "grass".into(),
+        knob: "silhouette".into(),
         setting: "the ridge of hill.toml".into(),
         error: f64::NAN,
         us: f64::NAN,

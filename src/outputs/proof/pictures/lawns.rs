@@ -6,10 +6,11 @@
 //! Sunlight on blades uses shadow maps that are drawn once and kept. The sky's light on each blade is computed as if
 //! the blade stood alone.
 
-use crate::cost::median;
-use crate::{Row, blocks, repeats, ridge, told};
+use super::{BenchRow, repeats, ridge};
 use glam::{DVec3, Vec3};
 use mesophyll_base::error::{Error, Result};
+use mesophyll_check::cost::median;
+use mesophyll_check::{blocks, told};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_optics::side::Side;
 use mesophyll_scene::draw::truth::{Sampling, Truth};
@@ -33,8 +34,8 @@ enum Drawn {
     Blades,
 }
 
-const LAWN: &str = include_str!("../../../data/grass/lawn.toml");
-const CLOVER: &str = include_str!("../../../data/grass/clover.toml");
+const LAWN: &str = include_str!("../../../../data/grass/lawn.toml");
+const CLOVER: &str = include_str!("../../../../data/grass/clover.toml");
 /// Number of blades on a square metre of the lawn.
 const PER_M2: f64 = 21_000.0;
 /// Elevations of the eye over the ground (degrees), distances (mm), and densities relative to the thinnest lawn's.
@@ -188,7 +189,7 @@ impl Drawn {
 ///
 /// # Errors
 /// Those of opening the adapter, reading and drawing, and [`mesophyll_base::error::Error::Interrupted`] after a stop.
-pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
+pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let mut renderer = match gpu::Renderer::headless(&gpu::Options::default()) {
         Err(gpu::Error::NoAdapter) => {
             progress::say("no graphics adapter: the rows of drawn lawns are left out");
@@ -203,7 +204,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
     let world = reference::traced(&lawn.scene, 0.0, &Ledger::new())?;
     let truth = Truth::new(&world, true)?;
     let all = [Drawn::Slices(64), Drawn::Slices(16), Drawn::Slices(4), Drawn::Billboards, Drawn::Blades];
-    let mut judged = |truth: &Truth, lawn: &Lawn, knob, setting: f64, unit: &str, eye: (f64, f64, f64)| {
+    let mut judged = |truth: &Truth, lawn: &Lawn, knob: &str, setting: f64, unit: &str, eye: (f64, f64, f64)| {
         let (here, there) = camera(eye.0, eye.1, eye.2);
         let [w, h] = SIZE.map(|n| n as usize);
         let sampling = |seed| Sampling { size: [w, h], samples: PATHS, sun_samples: 4, seed };
@@ -214,8 +215,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             let picture = renderer.render(&here, SIZE[0], SIZE[1]).map_err(told)?;
             let (error, off) = apart(&right, &picture)?;
             let us = frame(&mut renderer, &here, SIZE)?;
-            rows.push(Row {
-                knob,
+            rows.push(BenchRow {
+                model: "grass".into(),
+                knob: knob.into(),
                 setting: format!("{setting}{unit}: {}", way.name()),
                 error,
                 us,
@@ -246,8 +248,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
             renderer.set_scene(&lawn.drawn(way)).map_err(told)?;
             *time = frame(&mut renderer, &camera(25.0, 1200.0, 300.0).0, size)?;
         }
-        rows.push(Row {
-            knob: "Table 2.1",
+        rows.push(BenchRow {
+            model: "grass".into(),
+            knob: "Table 2.1".into(),
             setting: format!("{}x{}, {steps} steps", size[0], size[1]),
             error: f64::NAN,
             us: times[0],
@@ -271,7 +274,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
 ///
 /// # Errors
 /// Those of opening the adapter, reading and drawing, and [`mesophyll_base::error::Error::Interrupted`] after a stop.
-fn densities(adapter: &str, bar: &Bar) -> Result<Vec<Row>> {
+fn densities(adapter: &str, bar: &Bar) -> Result<Vec<BenchRow>> {
     const TURNS: usize = 9;
     let lawns: Vec<Lawn> = DENSITIES.iter().map(|d| Lawn::new(PER_M2 / 4.0 * d, 4)).collect::<Result<_>>()?;
     let open = |_: &f64| gpu::Renderer::headless(&gpu::Options::default()).map_err(told);
@@ -288,8 +291,9 @@ fn densities(adapter: &str, bar: &Bar) -> Result<Vec<Row>> {
             }
         }
         let medians = times.map(|t| median(&t));
-        rows.extend(DENSITIES.iter().enumerate().map(|(k, density)| Row {
-            knob: "density",
+        rows.extend(DENSITIES.iter().enumerate().map(|(k, density)| BenchRow {
+            model: "grass".into(),
+            knob: "density".into(),
             setting: format!("x {density}: {}", way.name()),
             error: f64::NAN,
             us: medians[k],
@@ -311,7 +315,7 @@ fn densities(adapter: &str, bar: &Bar) -> Result<Vec<Row>> {
 ///
 /// # Errors
 /// Those of reading and drawing.
-fn repetition(renderer: &mut gpu::Renderer) -> Result<Vec<Row>> {
+fn repetition(renderer: &mut gpu::Renderer) -> Result<Vec<BenchRow>> {
     const RECTANGLES: usize = 8;
     const PIXELS: usize = 24;
     let side = RECTANGLES * PIXELS;
@@ -346,8 +350,9 @@ fn repetition(renderer: &mut gpu::Renderer) -> Result<Vec<Row>> {
             let adapter = &renderer.adapter().name;
             let note =
                 format!("autocorrelation from above; {}; time of 480x320 from 35°; {adapter}", told_of.join("; "));
-            rows.push(Row {
-                knob: "repetition",
+            rows.push(BenchRow {
+                model: "grass".into(),
+                knob: "repetition".into(),
                 setting: format!("{name}, rectangles {way}"),
                 error: f64::NAN,
                 us,

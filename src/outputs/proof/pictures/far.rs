@@ -6,11 +6,12 @@
 //! Sun and sky are constant and the background is black. So the picture's mean radiance is what the plant sends, and
 //! its mean opacity is what it covers.
 
-use crate::cost::median;
-use crate::trees::{LEAF_FILE, TREE};
-use crate::{Row, told};
+use super::BenchRow;
+use super::trees::{LEAF_FILE, TREE};
 use glam::{DVec2, Vec3};
 use mesophyll_base::error::{Error, Result};
+use mesophyll_check::cost::median;
+use mesophyll_check::told;
 use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_scene::draw::handover;
@@ -92,7 +93,7 @@ fn scene() -> Result<viewer::Scene> {
     let write = |name: &str, bytes: &[u8]| mesophyll_files::atomic::write_bytes(&folder.path().join(name), bytes);
     write("tree.toml", TREE.as_bytes())?;
     write("leaf.gltf", LEAF_FILE.as_bytes())?;
-    write("leaf.bin", &crate::trees::leaf_bytes())?;
+    write("leaf.bin", &super::trees::leaf_bytes())?;
     write("scene.toml", SCENE.as_bytes())?;
     let ledger = Ledger::new();
     let mut opened = Scene::open(Manifest::read(&folder.path().join("scene.toml"))?, Search::default(), &ledger)?;
@@ -143,7 +144,7 @@ fn means(picture: &gpu::Picture) -> [f64; 2] {
 /// # Errors
 /// Those of opening the adapter, of reading and of drawing, and [`mesophyll_base::error::Error::Interrupted`] after a
 /// stop.
-pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
+pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let open = || gpu::Renderer::headless(&gpu::Options::default());
     let mut renderers = match open() {
         Err(gpu::Error::NoAdapter) => {
@@ -188,8 +189,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<Row>> {
         }
         let [us, plain, full] = times.map(|list| median(&list));
         let off = |way: usize, c: usize| seen[way].0[c] / seen[IN_FULL].0[c] - 1.0;
-        rows.push(Row {
-            knob: "distance",
+        rows.push(BenchRow {
+            model: "render".into(),
+            knob: "distance".into(),
             setting: format!("{distance} m"),
             error: off(0, 0).abs(),
             us,
