@@ -47,18 +47,18 @@
 //! ```
 //!
 //! Rooms, from the ground up. Each is a package in a folder of its own; it names the rooms it uses in its `Cargo.toml`,
-//! and the compiler refuses any other. All of them stand on floors below its own:
+//! and the compiler refuses any other. A room stands one floor above the highest one that it uses:
 //!
 //! ```text
-//! 12  cli           main
-//! 11  report
-//! 10  proof
-//! 9   check         fit_scene   python
-//! 8   scene         export
-//! 7   fits
-//! 6   capture
-//! 5   web
-//! 4   optics
+//! 8  mesophyll (the command line)
+//! 7  proof
+//! 6  check       fit-scene
+//! 5  export      python      report      scene
+//! 4  fits
+//! 3  synth
+//! 2  capture     plants      transport   web         window
+//! 1  files       optics      sky         viewer
+//! 0  base
 //! ```
 
 pub use mesophyll_base as base;

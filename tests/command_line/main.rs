@@ -12,6 +12,7 @@ mod commands;
 mod common;
 mod csv;
 mod evidence;
+mod floors;
 mod inspect_file;
 mod interrupted;
 mod layout;

@@ -29,7 +29,6 @@ mod plan;
 mod plants;
 mod reference;
 mod scene;
-mod scene_imports;
 mod translucency_scene;
 mod whole;
 

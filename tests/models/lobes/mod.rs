@@ -252,11 +252,11 @@ fn few_files_name_a_lobe() {
     assert_eq!(
         found,
         [
-            "src/measurements/capture/synth/illumination.rs",
-            "src/outputs/export/foreign/micro.rs",
-            "src/models/optics/tube/fast/mod.rs",
-            "src/outputs/proof/gloss/stress.rs",
             "src/base/surface/gloss.rs",
+            "src/measurements/synth/illumination.rs",
+            "src/models/optics/tube/fast/mod.rs",
+            "src/outputs/export/foreign/micro.rs",
+            "src/outputs/proof/gloss/stress.rs",
             "viewer/src/passes/lobe.wgsl",
         ]
     );

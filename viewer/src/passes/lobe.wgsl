@@ -1,5 +1,5 @@
-// The gloss lobe f_s (`src/base/surface/gloss.rs` is its twin in double precision). The name of the lobe that is drawn, as
-// scenes write it, is set for the conditions below.
+// The gloss lobe f_s (`src/base/surface/gloss.rs` is its twin in double precision). The name of the lobe that is drawn,
+// as scenes write it, is set for the conditions below.
 
 //#if GLOSS
 //#if SUN || SCANNER
